@@ -1,0 +1,1 @@
+"""From logs to parameters: filtering, observation matrices, estimators, statistics."""

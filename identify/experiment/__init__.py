@@ -1,0 +1,1 @@
+"""Trajectories that excite, and the simulated robot that runs them."""

@@ -1,0 +1,1 @@
+"""What the arm did: Log, its files and their triage."""

@@ -1,0 +1,1 @@
+"""Torque and energy regressors at run time; needs numpy alone once generated."""

@@ -1,0 +1,1 @@
+"""What the arm is: Robot and its readers and writers."""

@@ -1,0 +1,1 @@
+"""The models of Khalil & Dombre, chapter 2, exact: knows no numbers."""

@@ -1,0 +1,1 @@
+"""Held-out logs, and cross-checks against Pinocchio and MuJoCo."""

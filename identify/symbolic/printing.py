@@ -1,0 +1,69 @@
+"""Expressions printed as NumPy code that works on blocks of samples without allocating."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from identify.symbolic.expression import Expression, arguments, reachable
+
+UFUNCS = {"add": "add", "sub": "subtract", "mul": "multiply", "neg": "negative", "cos": "cos", "sin": "sin"}
+
+Block = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+
+
+def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[str, int]:
+    """Source of `name(x, out, work)` and the number of work rows it needs.
+
+    x (len(inputs), N) and out (len(outputs), N) hold one variable a row; `inputs` maps symbol names to rows of
+    x. Intermediate rows of `work` (rows, N) are used again once their last reader is done.
+    """
+    if not outputs:
+        return f"def {name}(x, out, work):\n    pass\n", 0
+    graph = outputs[0].graph
+    order = reachable(graph, outputs)
+    last = {i: at for at, i in enumerate(order)}
+    for at, i in enumerate(order):
+        for k in arguments(graph.nodes[i]):
+            last[k] = max(last[k], at)
+    target: dict[int, int] = {}
+    for row, e in enumerate(outputs):
+        target.setdefault(e.index, row)
+    place: dict[int, str] = {}
+    free: list[int] = []
+    rows = 0
+    lines = [f"def {name}(x, out, work):", "    add, subtract, multiply = np.add, np.subtract, np.multiply"]
+    lines.append("    negative, cos, sin = np.negative, np.cos, np.sin")
+    for at, i in enumerate(order):
+        node = graph.nodes[i]
+        if node[0] == "constant":
+            place[i] = repr(node[1])
+            continue
+        if node[0] == "symbol":
+            place[i] = f"x[{inputs[node[1]]}]"
+            continue
+        operands = ", ".join(place[k] for k in arguments(node))
+        for k in set(arguments(node)):
+            if last[k] == at and place[k].startswith("work"):
+                free.append(int(place[k][5:-1]))
+        if i in target:
+            place[i] = f"out[{target[i]}]"
+        else:
+            if not free:
+                free.append(rows)
+                rows += 1
+            place[i] = f"work[{free.pop()}]"
+        lines.append(f"    {UFUNCS[node[0]]}({operands}, {place[i]})")
+    for row, e in enumerate(outputs):
+        if place[e.index] != f"out[{row}]":
+            lines.append(f"    out[{row}] = {place[e.index]}")
+    return "\n".join(lines) + "\n", rows
+
+
+def compiled(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[Block, int]:
+    """The printed function, ready to call, and its number of work rows."""
+    source, rows = numpy_source(name, inputs, outputs)
+    space: dict = {"np": np}
+    exec(compile(source, f"<{name}>", "exec"), space)
+    return space[name], rows

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from identify.errors import InputError
-from identify.experiment.files import replace_text
+from identify.logs.files import replacing
 from identify.robot.robot import Joint, Robot
 
 FORMAT = "identify/trajectory/1"
@@ -149,7 +149,8 @@ class Trajectory:
 
     def save(self, path: str | Path) -> None:
         """Write the trajectory as TOML, whole or not at all. OutputError where it can't be written."""
-        replace_text(path, self.to_toml())
+        with replacing(path) as stream:
+            stream.write(self.to_toml().encode())
 
     @classmethod
     def load(cls, path: str | Path) -> Trajectory:
@@ -227,6 +228,8 @@ def random_trajectory(
     """
     if harmonics < 2:
         raise InputError(f"harmonics is {harmonics}; a motion that starts at rest needs at least 2")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; it must be a whole number of at least 0")
     generator = np.random.Generator(np.random.PCG64(seed))
     a, b = at_rest(*generator.standard_normal((2, robot.n, harmonics)))
     unit = Trajectory(robot.joint_names, np.zeros(robot.n), a, b, fundamental_hz, periods=1, rest=0.0)

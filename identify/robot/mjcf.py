@@ -136,7 +136,9 @@ def _inertial(robot: Robot, joint: Joint, link: np.ndarray) -> dict[str, str]:
     if not np.all(np.isfinite(link)):
         raise RobotError(f"{where}: a standard parameter is not a number; MuJoCo needs finite inertias")
     if mass <= 0:
-        raise RobotError(f"{where}: mass {mass:g} kg; MuJoCo needs a positive mass on every moving link")
+        raise RobotError(
+            f"{where}: mass {mass:g} kg; MuJoCo needs a positive mass and inertia on every moving link, so describe it"
+        )
     com = np.array([mx, my, mz]) / mass
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     inertia = about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))

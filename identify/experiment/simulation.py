@@ -1,0 +1,97 @@
+"""A whole simulated experiment: the log that an identification may read, and the truth that it may not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from identify.errors import OutputError
+from identify.experiment.plant import run_plant
+from identify.experiment.sensors import measure
+from identify.experiment.trajectory import Trajectory
+from identify.logs.files import digest, replacing
+from identify.logs.log import Log
+from identify.robot.robot import Robot
+
+TRUTH_FORMAT = "identify/truth/1"
+
+
+def simulate(
+    robot: Robot,
+    trajectory: Trajectory,
+    noise: str = "standard",
+    seed: int = 0,
+    progress: Callable[[float, str], None] | None = None,
+) -> tuple[Log, dict[str, Any]]:
+    """Run `trajectory` on the simulated `robot` and measure it: the 1 kHz Log, and the truth behind it.
+
+    noise: none, standard or high; seed of the sensor noise, the only random thing here. The truth is a table fit
+    for JSON; nothing of it is in the log. Limits that the motion broke are in the log's findings.
+    InputError for a trajectory of another robot; RobotError for inertias that no simulation can hold.
+    """
+    tell = progress or (lambda fraction, text: None)
+    run = run_plant(robot, trajectory, progress=lambda fraction, text: tell(0.8 * fraction, text))
+    tell(0.8, "sensors")
+    log = measure(run, noise, seed, robot)
+    tell(1.0, "sensors")
+    return log, truth(robot, noise, seed, run.facts)
+
+
+def truth(robot: Robot, noise: str, seed: int, facts: dict[str, str]) -> dict[str, Any]:
+    """The true parameters of a simulated robot, SI, joint side, as LOG.truth.json holds them.
+
+    standard_names and standard (11 n): XX1 … M1, Ia1, XX2 …; friction, per joint Fv, Fs and offset; drives, per
+    joint Ia; transmission: the extra inertia and friction of coupled motors, which the plant leaves at zero.
+    """
+    return {
+        "format": TRUTH_FORMAT,
+        "robot": robot.name,
+        "noise": noise,
+        "seed": seed,
+        "standard_names": list(robot.standard_names),
+        "standard": [float(value) for value in robot.standard],
+        "friction": [
+            {
+                "joint": joint.name,
+                "viscous": joint.drive.viscous,
+                "coulomb": joint.drive.coulomb,
+                "offset": joint.drive.offset,
+            }
+            for joint in robot.joints
+        ],
+        "drives": [{"joint": joint.name, "inertia": joint.drive.inertia} for joint in robot.joints],
+        "transmission": [
+            {"name": f"{name}{motor + 1}", "value": 0.0}
+            for motor, _ in robot.couplings
+            for name in ("Iam", "Fvm", "Fsm")
+        ],
+        "facts": [f"{key}: {value}" for key, value in facts.items()],
+    }
+
+
+def truth_path(path: str | Path) -> Path:
+    """Where the truth of the log at `path` lies: run.mcap → run.truth.json, in the same folder."""
+    return Path(path).with_suffix(".truth.json")
+
+
+def save_experiment(
+    log: Log, truth: dict[str, Any], robot_toml: str, trajectory_toml: str, path: str | Path, force: bool = False
+) -> None:
+    """Write `log` to `path` (MCAP, robot and trajectory attached) and `truth` beside it, each whole or not at all.
+
+    The truth file also gets the log's digest, so that it can't be taken for another log's. OutputError if either
+    file is there and `force` is False, or where they can't be written.
+    """
+    from identify.logs.mcap_writer import write_mcap
+
+    path, beside = Path(path), truth_path(path)
+    for target in (path, beside):
+        if target.exists() and not force:
+            raise OutputError(f"{target}: exists already; choose another name, or give --force to replace it")
+    write_mcap(log, path, {"robot.toml": robot_toml.encode(), "trajectory.toml": trajectory_toml.encode()})
+    # Should the second write fail, no truth is better than another log's.
+    beside.unlink(missing_ok=True)
+    with replacing(beside) as stream:
+        stream.write((json.dumps(truth | {"log_sha256": digest(path)}, indent=1, ensure_ascii=False) + "\n").encode())

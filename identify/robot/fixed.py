@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identify.robot.robot import PRISMATIC, REVOLUTE, Joint, Link
-from identify.robot.transforms import decompose, joint_transform, merge_links, move_link
+from identify.robot.transforms import joint_transform, merge_links, move_link, parameters
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def _shifted(joint: Joint, offset: np.ndarray | None) -> Joint:
     """The joint placed in the frame that `offset` (4, 4) is relative to."""
     if offset is None:
         return joint
-    gamma, b, alpha, d, theta, r = decompose(offset @ joint_transform(joint, 0.0))
+    gamma, b, alpha, d, theta, r = parameters(offset @ joint_transform(joint, 0.0))
     lengths = {"b": b, "d": d, "r": r}
     kept = tuple((key, letter) for key, letter in joint.symbols if getattr(joint, key) == lengths[key])
     return replace(joint, gamma=gamma, b=b, alpha=alpha, d=d, theta=theta, r=r, symbols=kept)

@@ -1,8 +1,9 @@
 """Modified Denavit-Hartenberg frames for an arm described by joint axes anywhere in space (URDF and the like).
 
 Khalil & Kleinfinger (1986): z_j along the axis of joint j, in its sense, so that the description's own joint
-variable is kept; x_j along the common normal to the axis of the first child, whose γ and b are then 0; R_0
-confused with R_1 at q = 0. What is left free is chosen so that θ_j and r_j vanish.
+variable is kept; x_j along the common normal to the axis of the first child, whose γ and b are then 0. What is
+left free is chosen so that θ_j and r_j vanish. R_0 is confused with R_1 at q = 0, unless gravity would then lie
+askew in it: a tilted first axis gets an upright R_0 and its tilt as α_1, so that no component is rounded.
 """
 
 from __future__ import annotations
@@ -12,15 +13,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identify.robot.robot import Drive, Joint, Limits, Link, Robot
-from identify.robot.transforms import TOLERANCE, decompose, inverse, move_link, placement, to_matrix
+from identify.robot.robot import Drive, Joint, Limits, Link, Robot, Vector
+from identify.robot.transforms import TOLERANCE, decompose, inverse, move_link, parameters, placement, to_matrix
 
 NEARLY_PARALLEL = 1e-2
 """Sine of an angle between axes below which their common normal lies too far off to put a frame there."""
 
 NOISE = 1e-12
-DECIMALS = 13
-"""Decimals of a length [m] that a product of rotations leaves in place: 0.22500000000000003 was written 0.225."""
 
 
 @dataclass(frozen=True)
@@ -65,15 +64,18 @@ def robot_from_bodies(
     gravity (3,): acceleration in the root frame [m/s²]. tip (4, 4): the tool frame at q = 0, in the root
     frame, carried by the last body. Joint variables stay the bodies' own; `Robot.base` is R_0 in the root frame.
     """
+    children = [next((other for other in bodies if other.parent == j), None) for j in range(len(bodies))]
+    base = tidy(_frame(bodies[0], None, children[0]))
+    if np.count_nonzero(_in(base, gravity)) > 1:
+        up = -np.asarray(gravity, dtype=float) / np.linalg.norm(gravity)
+        base = tidy(_frame(Body("base", "fixed", -1, np.eye(4), up), None, bodies[0]))
     frames: list[np.ndarray] = []
     joints: list[Joint] = []
-    for j, body in enumerate(bodies):
-        parent = frames[body.parent] if body.parent >= 0 else frames[0] if frames else None
-        child = next((other for other in bodies if other.parent == j), None)
+    for body, child in zip(bodies, children, strict=True):
+        parent = frames[body.parent] if body.parent >= 0 else base
         frame = _frame(body, parent, child)
         frames.append(frame)
-        gamma, b, alpha, d, theta, r = decompose(np.eye(4) if parent is None else inverse(parent) @ frame)
-        b, d, r = (round(length, DECIMALS) for length in (b, d, r))
+        gamma, b, alpha, d, theta, r = parameters(inverse(parent) @ frame)
         joints.append(
             Joint(
                 name=body.name,
@@ -90,12 +92,10 @@ def robot_from_bodies(
                 drive=body.drive,
             )
         )
-    base = tidy(frames[0])
-    x, y, z = (float(value) + 0.0 for value in base[:3, :3].T @ np.asarray(gravity, dtype=float))
     return Robot(
         name=name,
         joints=tuple(joints),
-        gravity=(x, y, z),
+        gravity=_in(base, gravity),
         base=to_matrix(base),
         tool=to_matrix(tidy(inverse(frames[-1]) @ tip)),
         source=source,
@@ -111,6 +111,14 @@ def tidy(transform: np.ndarray) -> np.ndarray:
     rotation[np.abs(rotation - whole) < NOISE] = whole[np.abs(rotation - whole) < NOISE]
     result[:3, 3][np.abs(result[:3, 3]) < NOISE] = 0.0
     return result
+
+
+def _in(base: np.ndarray, gravity: Sequence[float]) -> Vector:
+    """(3,) the acceleration, given in the root frame, in R_0 [m/s²]."""
+    vector = base[:3, :3].T @ np.asarray(gravity, dtype=float)
+    vector[np.abs(vector) < NOISE * np.linalg.norm(vector)] = 0.0
+    x, y, z = (float(value) for value in vector)
+    return x, y, z
 
 
 def _frame(body: Body, parent: np.ndarray | None, child: Body | None) -> np.ndarray:

@@ -17,6 +17,10 @@ TOLERANCE = 1e-9
 """Default snap: angles [rad] this close to a multiple of π/2 and lengths [m] this close to 0 are meant to be it."""
 
 
+DECIMALS = 13
+"""Decimals of a length [m] that a product of rotations leaves in place."""
+
+
 def snap_angle(angle: float, tolerance: float = TOLERANCE) -> float:
     """The angle [rad], or the multiple of π/2 it lies within `tolerance` of."""
     quarters = round(angle / QUARTER)
@@ -82,6 +86,12 @@ def decompose(transform: np.ndarray, tolerance: float = TOLERANCE) -> tuple[floa
         b = p[2] - r * cosine
     b, d, r = (snap_length(float(x), tolerance) for x in (b, p[0], r))
     return gamma, b, alpha, d, theta, r
+
+
+def parameters(transform: np.ndarray) -> tuple[float, float, float, float, float, float]:
+    """`decompose`, with the noise of multiplied rotations taken off its lengths (0.22500000000000003 was 0.225)."""
+    gamma, b, alpha, d, theta, r = decompose(transform)
+    return gamma, round(b, DECIMALS), alpha, round(d, DECIMALS), theta, round(r, DECIMALS)
 
 
 def _half_turn(angle: float) -> float:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+
+START_TIME = "start_time_ns"
+"""Key in `Log.metadata` of the first sample's absolute time, Unix time [ns], where it is known."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +20,8 @@ class Log:
     [rad or m]; velocity (N, n) [rad/s or m/s] or None; effort (N, n) [N·m or N] or None; joints: n names
     in the order of the columns. `source` is the file it came from, `sha256` that file's digest.
     `findings`: sentences on what was found wrong with the recording and what was done about it.
-    `metadata`: provenance as strings; a simulated log says `simulated` = "true".
+    `metadata`: provenance as strings; a simulated log says `simulated` = "true". `dropped`: rows left out
+    while reading, because they were not finite or their time did not run forward.
     """
 
     time: np.ndarray
@@ -27,6 +33,7 @@ class Log:
     sha256: str = ""
     findings: tuple[str, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict)
+    dropped: int = 0
 
     @property
     def samples(self) -> int:
@@ -47,3 +54,11 @@ class Log:
     def simulated(self) -> bool:
         """Whether the recording is a simulation, as its provenance says."""
         return self.metadata.get("simulated") == "true"
+
+    def save(
+        self, path: str | os.PathLike[str], force: bool = False, attachments: Mapping[str, bytes] | None = None
+    ) -> None:
+        """Write the log to .mcap or .csv; see identify.logs.writing.save."""
+        from identify.logs.writing import save
+
+        save(self, path, force=force, attachments=attachments)

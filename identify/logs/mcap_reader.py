@@ -16,8 +16,8 @@ import numpy as np
 
 from identify.errors import LogError
 from identify.logs import joint_state
-from identify.logs.log import Log
-from identify.logs.mcap_writer import PROVENANCE, START_TIME, TOPIC
+from identify.logs.log import START_TIME, Log
+from identify.logs.mcap_writer import PROVENANCE, TOPIC
 
 _SECOND = joint_state.NANOSECONDS
 _LAYOUTS_PER_RUN = 8

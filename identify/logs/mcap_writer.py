@@ -18,13 +18,11 @@ from identify import __version__
 from identify.errors import OutputError
 from identify.logs import joint_state
 from identify.logs.files import replacing
-from identify.logs.log import Log
+from identify.logs.log import START_TIME, Log
 
 TOPIC = "/joint_states"
 PROVENANCE = "identify"
 """Name of the metadata record that holds Log.metadata."""
-START_TIME = "start_time_ns"
-"""Key in Log.metadata of the first sample's absolute time, Unix time [ns]."""
 DEFAULT_START_NS = 1_577_836_800 * joint_state.NANOSECONDS
 """2020-01-01 00:00 UTC, the first stamp of a log without absolute time: the same log makes the same file."""
 

@@ -1,0 +1,129 @@
+"""A log as recorded made into one that can be computed with: what is unusable goes, and is counted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from identify.errors import LogError
+from identify.logs.log import Log
+from identify.logs.slicing import counted_from
+
+MOST_DROPPED = 0.05
+"""Share of rows that may be dropped for being NaN, or for running backward in time."""
+ABSURD = 1e9
+"""A position, velocity or effort beyond this (SI) is a corrupt value, and counts as NaN."""
+
+
+def clean(log: Log) -> Log:
+    """A log with finite rows, time strictly increasing from zero, and channels that hold something.
+
+    Values beyond ABSURD count as not finite. Rows whose position, effort or time is not finite are dropped, as are those whose time repeats or runs
+    backward; the findings count them. A channel without a finite value counts as absent. A velocity sample
+    that is not finite is derived from position; above 5 % the whole channel is. Raises LogError above 5 % of
+    rows that are not finite or that run backward.
+    """
+    findings = list(log.findings)
+    if not log.samples:
+        raise LogError(f"{log.source}: holds no samples; record while the robot runs")
+    if not _usable(log.position).any():
+        raise LogError(f"{log.source}: too many NaN: no position is a finite number; check the recording")
+    effort = _effort_or_none(log, findings)
+    finite = _finite_rows(replace(log, effort=effort), findings)
+    forward = _forward_rows(log, finite, findings)
+    kept = np.flatnonzero(finite)[forward]
+    whole = len(kept) == log.samples
+    pick = slice(None) if whole else kept
+    cleaned = replace(
+        log,
+        time=log.time[pick],
+        position=log.position[pick],
+        velocity=None if log.velocity is None else log.velocity[pick],
+        effort=None if effort is None else effort[pick],
+        dropped=log.dropped + log.samples - len(kept),
+    )
+    velocity = _usable_velocity(cleaned, findings)
+    return counted_from(replace(cleaned, velocity=velocity, findings=tuple(findings)), float(cleaned.time[0]))
+
+
+def _usable(values: np.ndarray) -> np.ndarray:
+    """Which values are numbers that a robot can have."""
+    return np.isfinite(values) & (np.abs(values) <= ABSURD)
+
+
+def _effort_or_none(log: Log, findings: list[str]) -> np.ndarray | None:
+    if log.effort is None or _usable(log.effort).any():
+        return log.effort
+    findings.append("no effort is a finite number, so the log counts as one without effort")
+    return None
+
+
+def _finite_rows(log: Log, findings: list[str]) -> np.ndarray:
+    """(N,) rows whose time, position and effort are finite; columns without a finite value do not count."""
+    channels = {"position": log.position} if log.effort is None else {"position": log.position, "effort": log.effort}
+    bad = {"time": ~np.isfinite(log.time)}
+    for name, values in channels.items():
+        missing = ~_usable(values)
+        for joint, column in zip(log.joints, missing.T, strict=True):
+            if column.all():
+                findings.append(f"the {name} of {joint} is NaN throughout")
+            else:
+                bad[f"{name} of {joint}"] = column
+    dropped = np.any(list(bad.values()), axis=0)
+    share = dropped.mean()
+    if share > MOST_DROPPED:
+        worst = max(bad, key=lambda name: bad[name].sum())
+        raise LogError(
+            f"{log.source}: too many NaN: {100 * share:.1f} % of the rows are not finite, most of them in the {worst} "
+            f"({100 * bad[worst].mean():.1f} %); at most {100 * MOST_DROPPED:.0f} % can be dropped, so record again"
+        )
+    if dropped.any():
+        findings.append(
+            f"{dropped.sum()} of {log.samples} rows dropped: position, effort or time is not finite, or absurd"
+        )
+    return ~dropped
+
+
+def _forward_rows(log: Log, finite: np.ndarray, findings: list[str]) -> np.ndarray:
+    """Which of the finite rows keep time strictly increasing."""
+    time = log.time[finite]
+    step = np.diff(time)
+    keep = np.ones(len(time), dtype=bool)
+    if (step > 0).all():
+        return keep
+    repeated = np.concatenate([[False], step == 0])
+    # A stamp ahead of its neighbours would take all that follow with it: it goes first.
+    keep[1:-1] = ~((step[1:] < 0) & (time[2:] > time[:-2]))
+    latest = np.maximum.accumulate(np.where(keep, time, -np.inf))
+    keep[1:] &= time[1:] > latest[:-1]
+    backward = int((~keep & ~repeated).sum())
+    if backward > MOST_DROPPED * len(time):
+        worst = int(step.argmin())
+        raise LogError(
+            f"{log.source}: time runs backward in {100 * backward / len(time):.1f} % of the rows, first by "
+            f"{-step[worst]:.3f} s after row {worst}; split the recording there, or mend its clock"
+        )
+    if (repeated & ~keep).any():
+        findings.append(f"{(repeated & ~keep).sum()} of {log.samples} rows dropped: their time repeats the one before")
+    if backward:
+        findings.append(f"{backward} of {log.samples} rows dropped: their time runs backward")
+    return keep
+
+
+def _usable_velocity(log: Log, findings: list[str]) -> np.ndarray | None:
+    """The velocity without gaps; None where it is better derived from position altogether."""
+    if log.velocity is None:
+        return None
+    missing = ~_usable(log.velocity)
+    if not missing.any():
+        return log.velocity
+    share = missing.any(axis=1).mean()
+    if missing.all():
+        findings.append("the velocity is NaN throughout and is derived from position")
+        return None
+    if share > MOST_DROPPED or log.samples < 3:
+        findings.append(f"the velocity is NaN in {100 * share:.1f} % of the rows; all of it is derived from position")
+        return None
+    findings.append(f"{missing.sum()} velocity samples are NaN and were derived from position")
+    return np.where(missing, np.gradient(log.position, log.time, axis=0), log.velocity)

@@ -1,0 +1,57 @@
+"""Part of a log: some of its joints, some of its time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identify.errors import LogError
+from identify.logs.log import START_TIME, Log
+
+
+def select(log: Log, joint_names: Sequence[str]) -> Log:
+    """The log of these joints alone, in this order. Raises LogError, with the joints there are, if one is missing."""
+    names = tuple(joint_names)
+    if names == log.joints:
+        return log
+    missing = [name for name in names if name not in log.joints]
+    if missing:
+        raise LogError(
+            f"{log.source or 'log'}: has no joint {missing[0]!r}; it has {', '.join(log.joints)}: "
+            "name the robot's joints as the log does, or choose some with --joints"
+        )
+    columns = [log.joints.index(name) for name in names]
+    velocity, effort = (None if values is None else values[:, columns] for values in (log.velocity, log.effort))
+    return replace(log, position=log.position[:, columns], velocity=velocity, effort=effort, joints=names)
+
+
+def window(log: Log, start: float | None = None, stop: float | None = None) -> Log:
+    """The samples from `start` up to but without `stop` [s from the first sample], time counted anew from zero.
+
+    Raises LogError where there are none.
+    """
+    if start is None and stop is None:
+        return log
+    begin = -np.inf if start is None else start
+    end = np.inf if stop is None else stop
+    kept = (log.time >= begin) & (log.time < end)
+    if not kept.any():
+        raise LogError(
+            f"{log.source or 'log'}: has no sample from {begin:g} to {end:g} s; it lasts {log.time[-1]:.3f} s, "
+            "and both count from its first sample"
+        )
+    velocity, effort = (None if values is None else values[kept] for values in (log.velocity, log.effort))
+    part = replace(log, time=log.time[kept], position=log.position[kept], velocity=velocity, effort=effort)
+    return counted_from(part, float(part.time[0]))
+
+
+def counted_from(log: Log, origin: float) -> Log:
+    """The log with time counted from `origin` [s]; its absolute start, where it is known, moves along."""
+    if origin == 0:
+        return log
+    metadata = dict(log.metadata)
+    if START_TIME in metadata:
+        metadata[START_TIME] = str(int(metadata[START_TIME]) + round(origin * 1e9))
+    return replace(log, time=log.time - origin, metadata=metadata)

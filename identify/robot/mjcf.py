@@ -137,7 +137,7 @@ def _inertial(robot: Robot, joint: Joint, link: np.ndarray) -> dict[str, str]:
         raise RobotError(f"{where}: a standard parameter is not a number; MuJoCo needs finite inertias")
     if mass <= 0:
         raise RobotError(
-            f"{where}: mass {mass:g} kg; MuJoCo needs a positive mass and inertia on every moving link, so describe it"
+            f"{where}: mass {mass:g} kg; MuJoCo needs every moving link to have mass and inertia"
         )
     com = np.array([mx, my, mz]) / mass
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

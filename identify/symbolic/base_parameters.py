@@ -13,7 +13,7 @@ theorems 2.1 and 2.2 and the particular groupings (no effect, parallel axes, axe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from math import pi, tan
@@ -23,22 +23,31 @@ import numpy as np
 import sympy
 from sympy.polys.domains import QQ
 from sympy.polys.matrices import DomainMatrix
+from sympy.polys.rings import PolyElement, ring
 
-from identify.robot.robot import LINK_PARAMETERS, LINK_UNITS, Joint, Robot
-from identify.symbolic.chain import Mat, Vec, place, quarter_turns, transpose
+from identify.robot.robot import LINK_PARAMETERS, LINK_UNITS, Drive, Joint, Limits, Link, Robot, Vector
+from identify.symbolic.chain import Mat, Vec, matmul, place, quarter_turns, transpose
 from identify.symbolic.energy import inertia_transform
 
 ELIMINATED_FIRST = {
     "revolute": ("Ia", "M", "MZ", "YY", "MY", "MX", "XX", "XY", "XZ", "YZ", "ZZ"),
     "prismatic": ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MZ", "MY", "MX", "M", "Ia"),
 }
-"""Which parameter of a relation is regrouped into the others, first choice first: the chapter's for revolute joints; for
-prismatic ones, masses move inwards, so that every sum of masses has plus signs."""
+"""Which parameter of a relation is regrouped into the others, first choice first: the chapter's for revolute
+joints; for prismatic ones, masses move inwards, so that every sum of masses has plus signs."""
 
 ORDER = (*LINK_PARAMETERS, "Ia")
 XX, XY, XZ, YY, YZ, ZZ, MX, MY, MZ, M, IA = range(11)
 
+DIGITS = 12
+"""Decimals of lengths [m], angles [rad] and gravity [m/s²] that count: what rounding adds in a conversion must not
+make parallel axes skew, or tilt an axis out of the vertical."""
+
 Rows = list[list[Any]]
+
+Relation = tuple[int, dict[int, Any], dict[int, Any]]
+"""One eliminated parameter of a link: its index, {other parameter of the link: coefficient in the relation},
+{parameter of the parent: coefficient handed on}."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +70,13 @@ class BaseParameters:
 
 
 def base_parameters(robot: Robot) -> BaseParameters:
-    """Base parameters of `robot` with actuator inertia on every joint; exact, lengths as letters where it names them."""
-    return _base_parameters(robot.joints, robot.gravity)
+    """Base parameters of `robot`, with actuator inertia on every joint.
+
+    Exact: lengths the robot names stay letters, whatever their values, unless these are zero. They follow from
+    the geometry and the direction of gravity alone; robots that differ in nothing else share one computation.
+    """
+    geometry = (replace(joint, name="", limits=Limits(), link=Link(), drive=Drive()) for joint in robot.joints)
+    return _base_parameters(tuple(geometry), robot.gravity)
 
 
 @dataclass(frozen=True)
@@ -74,11 +88,11 @@ class _Field:
     values: dict[str, float]
 
     def length(self, joint: Joint, key: str) -> Any:
-        names = dict(joint.symbols)
-        return self.letters[names[key]] if key in names else self.number(getattr(joint, key))
+        letter = dict(joint.symbols).get(key)
+        return self.letters[letter] if letter in self.letters else self.number(getattr(joint, key))
 
     def number(self, value: float) -> Any:
-        return self.domain.convert(QQ(*Fraction(repr(float(value))).as_integer_ratio()))
+        return self.domain.convert(QQ(*Fraction(repr(round(float(value), DIGITS))).as_integer_ratio()))
 
     def cos_sin(self, angle: float) -> tuple[Any, Any]:
         """Exact (cos, sin): multiples of π/12 as surds, others through a rational half-angle tangent,
@@ -90,8 +104,16 @@ class _Field:
         if twelfth is not None:
             exact = sympy.pi * twelfth / 12
             return tuple(self.domain.from_sympy(f(exact)) for f in (sympy.cos, sympy.sin))  # type: ignore[return-value]
-        t = QQ(*Fraction(tan(angle / 2)).limit_denominator(10**12).as_integer_ratio())
+        t = QQ(*Fraction(tan(round(angle, DIGITS) / 2)).limit_denominator(10**12).as_integer_ratio())
         return self.domain.convert((1 - t * t) / (1 + t * t)), self.domain.convert(2 * t / (1 + t * t))
+
+    def constant_part(self, joint: Joint) -> tuple[Mat, Vec]:
+        """Rotation and translation from the parent's frame to R_j where the variable, θ or r as a whole, is zero."""
+        gamma, alpha = self.cos_sin(joint.gamma), self.cos_sin(joint.alpha)
+        b, d = self.length(joint, "b"), self.length(joint, "d")
+        if joint.revolute:
+            return place(gamma, b, alpha, d, (self.domain.one, self.domain.zero), self.length(joint, "r"))
+        return place(gamma, b, alpha, d, self.cos_sin(joint.theta), self.domain.zero)
 
 
 def _twelfths(angle: float) -> int | None:
@@ -101,7 +123,7 @@ def _twelfths(angle: float) -> int | None:
 
 
 def _field(joints: Sequence[Joint]) -> _Field:
-    values = {name: float(getattr(joint, key)) for joint in joints for key, name in joint.symbols}
+    values = {name: x for joint in joints for key, name in joint.symbols if (x := float(getattr(joint, key)))}
     twelfths = {k for j in joints for a in (j.alpha, j.gamma, j.theta * (not j.revolute)) if (k := _twelfths(a))}
     surds = [sympy.sqrt(2)] * any(k % 3 == 0 or k % 2 for k in twelfths)
     surds += [sympy.sqrt(3)] * any(k % 2 == 0 or k % 3 for k in twelfths)
@@ -113,7 +135,7 @@ def _field(joints: Sequence[Joint]) -> _Field:
 
 
 @lru_cache(maxsize=64)
-def _base_parameters(joints: tuple[Joint, ...], gravity: Vec) -> BaseParameters:
+def _base_parameters(joints: tuple[Joint, ...], gravity: Vector) -> BaseParameters:
     field = _field(joints)
     relations = _relations(joints, gravity, field)
     n, zero = len(joints), field.domain.zero
@@ -155,145 +177,113 @@ def _base_parameters(joints: tuple[Joint, ...], gravity: Vec) -> BaseParameters:
     )
 
 
-def _relations(joints: Sequence[Joint], gravity: Vec, field: _Field) -> list[list[tuple[int, dict, dict]]]:
-    """Per joint, for each parameter it eliminates: (its index, {kept parameter of the same link: coefficient in
-    the relation}, {parameter of the parent: coefficient handed on})."""
+def _relations(joints: Sequence[Joint], gravity: Vector, field: _Field) -> list[list[Relation]]:
+    """What each joint eliminates, by the recurrence of the spans W (rows of `energy`) and T (rows of `velocity`)."""
     domain = field.domain
-    zero, one, half = domain.zero, domain.one, domain.one / domain.convert(QQ(2))
-    energy: list[Rows] = []
-    velocity: list[Rows] = []
+    half = domain.one / domain.convert(2)
+    base_energy = _matrix([[0] * MX + [field.number(-x) for x in gravity] + [0]], domain)
+    base_velocity = DomainMatrix.zeros((0, 6), domain)
+    energy: list[DomainMatrix] = []
+    velocity: list[DomainMatrix] = []
     relations = []
-    base_energy = [[zero] * MX + [field.number(-x) for x in gravity] + [zero]]
     for joint in joints:
-        fixed, fixed_velocity, powers, velocity_powers = _powers(joint, field)
-        w = energy[joint.parent] if joint.parent >= 0 else base_energy
-        t = velocity[joint.parent] if joint.parent >= 0 else []
-        w, t = _product(w, fixed, domain), _product(t, transposed(fixed_velocity), domain)
-        here = [row for p in velocity_powers for row in _product(t, transposed(p), domain)]
-        constraints = [row + [zero] for p in powers[1:] for row in _product(w, p, domain)]
-        constraints += [[*_velocity_row(joint.revolute, row, zero), zero] for row in here]
-        half_squares = [zero] * 11
-        half_squares[ZZ if joint.revolute else M] = half
-        half_squares[IA] = half
-        constraints.append(half_squares)
-        order = [ORDER.index(name) for name in ELIMINATED_FIRST[joint.type]]
-        relations.append(_reduced(constraints, order, _product(fixed, powers[0], domain), domain))
-        # Velocity and energy functions of this link span what all powers of cos q, sin q or q make of the parent's.
-        own = [zero] * 6
-        own[2 if joint.revolute else 5] = one
-        velocity.append(_row_space([*here, own], domain))
-        spanned = [row for p in powers for row in _product(w, p, domain)]
-        spanned += [_velocity_row(joint.revolute, row, zero) for row in here] + [half_squares[:IA]]
-        energy.append(_row_space(spanned, domain))
+        energy_powers, velocity_powers = _variable_part(joint.revolute)
+        fixed = field.constant_part(joint)
+        carried = _matrix(inertia_transform(*fixed), domain)
+        w = (energy[joint.parent] if joint.parent >= 0 else base_energy) * carried
+        t = velocity[joint.parent] if joint.parent >= 0 else base_velocity
+        t = t * _matrix(_velocity_transform(*fixed), domain).transpose()
+        # Coefficients of each power of the variable in h_p · λ_j, and in the velocity that q̇_j does not make.
+        static = [w * power.convert_to(domain) for power in energy_powers]
+        passed = DomainMatrix.vstack(*(t * power.convert_to(domain) for power in velocity_powers))
+        linear = passed * ETA[joint.type].convert_to(domain)
+        square = DomainMatrix({0: {ZZ if joint.revolute else M: half}}, (1, 10), domain)
+        moving = DomainMatrix.vstack(*static[1:], linear)
+        without_drive = DomainMatrix.zeros((moving.shape[0], 1), domain)
+        constraints = DomainMatrix.vstack(
+            DomainMatrix.hstack(moving, without_drive),
+            DomainMatrix.hstack(square, DomainMatrix({0: {0: half}}, (1, 1), domain)),
+        )
+        still = carried * energy_powers[0].convert_to(domain)
+        relations.append(_eliminated(constraints, [ORDER.index(name) for name in ELIMINATED_FIRST[joint.type]], still))
+        own = DomainMatrix({0: {2 if joint.revolute else 5: domain.one}}, (1, 6), domain)
+        velocity.append(_row_space(DomainMatrix.vstack(passed, own)))
+        energy.append(_row_space(DomainMatrix.vstack(*static, linear, square)))
     return relations
 
 
-def _powers(joint: Joint, field: _Field) -> tuple[Rows, Rows, list[Rows], list[Rows]]:
-    """The constant part of the joint's transform, of energies (10, 10) and velocities (6, 6), and the coefficients of
-    the variable part: of 1, cos q, sin q, cos q·sin q, cos² q (revolute) or 1, q, q² (prismatic)."""
-    domain = field.domain
-    zero, one = domain.zero, domain.one
-    gamma, alpha = field.cos_sin(joint.gamma), field.cos_sin(joint.alpha)
-    b, d = field.length(joint, "b"), field.length(joint, "d")
-    still = (one, zero)
-    if joint.revolute:
-        fixed = place(gamma, b, alpha, d, still, field.length(joint, "r"))
-        samples = [place(still, zero, still, zero, cs, zero) for cs in _points(domain)]
-        weights = _CIRCLE
+ETA = {
+    "revolute": DomainMatrix({0: {2: QQ(1)}, 1: {4: QQ(1)}, 2: {5: QQ(1)}, 3: {7: QQ(-1)}, 4: {6: QQ(1)}}, (6, 10), QQ),
+    "prismatic": DomainMatrix({0: {7: QQ(1)}, 1: {6: QQ(-1)}, 5: {9: QQ(1)}}, (6, 10), QQ),
+}
+"""η_j [2.96] as a matrix: (ω, V) of link j, less what q̇_j makes of it, times it is the part of η_j free of q̇_j."""
+
+
+@lru_cache(maxsize=2)
+def _variable_part(revolute: bool) -> tuple[tuple[DomainMatrix, ...], tuple[DomainMatrix, ...]]:
+    """Coefficients of λ (10, 10), and of the row-wise velocity transform (6, 6), of a turn or shift by the variable q:
+    of 1, cos q, sin q, cos q·sin q, cos² q (revolute) or of 1, q, q² (prismatic)."""
+    powers: tuple[tuple[int, ...], ...]
+    if revolute:
+        _, c, s = ring("c,s", QQ)
+        moved = place((1, 0), 0, (1, 0), 0, (c, s), 0)
+        powers = ((0, 0), (1, 0), (0, 1), (1, 1), (2, 0))
     else:
-        fixed = place(gamma, b, alpha, d, field.cos_sin(joint.theta), zero)
-        samples = [place(still, zero, still, zero, still, domain.convert(QQ(k))) for k in (0, 1, -1)]
-        weights = _LINE
-    energies = [inertia_transform(*s) for s in samples]
-    velocities = [_velocity_transform(*s) for s in samples]
-    combine = lambda matrices: [_combination(row, matrices, domain) for row in weights]  # noqa: E731
-    return (
-        _converted(inertia_transform(*fixed), domain),
-        _converted(_velocity_transform(*fixed), domain),
-        combine(energies),
-        combine(velocities),
+        _, r = ring("r", QQ)
+        moved = place((1, 0), 0, (1, 0), 0, (1, 0), r)
+        powers = ((0,), (1,), (2,))
+
+    def coefficients(rows: Rows) -> tuple[DomainMatrix, ...]:
+        found: dict[tuple[int, ...], dict[int, dict[int, Any]]] = {power: {} for power in powers}
+        for i, row in enumerate(rows):
+            for k, entry in enumerate(row):
+                terms = dict(entry) if isinstance(entry, PolyElement) else {powers[0]: QQ(entry)}
+                if (0, 2) in terms:  # sin² = 1 − cos²
+                    square = terms.pop((0, 2))
+                    terms[0, 0] = terms.get((0, 0), 0) + square
+                    terms[2, 0] = terms.get((2, 0), 0) - square
+                for power, x in terms.items():
+                    if x:
+                        found[power].setdefault(i, {})[k] = x
+        return tuple(DomainMatrix(entries, (len(rows), len(rows)), QQ) for entries in found.values())
+
+    return coefficients(inertia_transform(*moved)), tuple(
+        m.transpose() for m in coefficients(_velocity_transform(*moved))
     )
-
-
-# Five points of the circle that tell 1, c, s, cs, c² apart, and the weights that read the coefficients off.
-_ANGLES = ((1, 0), (-1, 0), (0, 1), (0, -1), (Fraction(3, 5), Fraction(4, 5)))
-_CIRCLE = sympy.Matrix([[1, c, s, c * s, c * c] for c, s in _ANGLES]).inv().tolist()
-_LINE = sympy.Matrix([[1, r, r * r] for r in (0, 1, -1)]).inv().tolist()
-
-
-def _points(domain: Any) -> list[tuple[Any, Any]]:
-    return [tuple(domain.convert(QQ(*Fraction(x).as_integer_ratio())) for x in cs) for cs in _ANGLES]  # type: ignore[misc]
-
-
-def _combination(weights: Sequence, matrices: Sequence[Rows], domain: Any) -> Rows:
-    total = None
-    for weight, matrix in zip(weights, matrices, strict=True):
-        factor = domain.convert(QQ(weight.p, weight.q))
-        scaled = [[factor * domain.convert(x) for x in row] for row in matrix]
-        total = (
-            scaled
-            if total is None
-            else [[a + b for a, b in zip(r, s, strict=True)] for r, s in zip(total, scaled, strict=True)]
-        )
-    assert total is not None
-    return total
 
 
 def _velocity_transform(rotation: Mat, position: Vec) -> Rows:
     """(6, 6) matrix that takes (ω, V) of the parent to (Aᵀω, Aᵀ(V + ω×P)) of the child."""
     back = transpose(rotation)
     x, y, z = position
-    minus_hat = ((0, z, -y), (-z, 0, x), (y, -x, 0))
-    rows: Rows = [[*row, 0, 0, 0] for row in back]
-    for row in back:
-        rows.append([sum(row[k] * minus_hat[k][c] for k in range(3)) for c in range(3)] + list(row))
-    return rows
+    minus_hat: Mat = ((0, z, -y), (-z, 0, x), (y, -x, 0))
+    lower = matmul(back, minus_hat)
+    return [[*row, 0, 0, 0] for row in back] + [[*left, *right] for left, right in zip(lower, back, strict=True)]
 
 
-def _velocity_row(revolute: bool, t: Sequence, zero: Any) -> list[Any]:
-    """(10,) η_j [2.96] as a row, from the part (6,) of link j's velocity that q̇_j does not make."""
-    if revolute:
-        return [zero, zero, t[0], zero, t[1], t[2], t[4], -t[3], zero, zero]
-    return [zero] * MX + [-t[1], t[0], zero, t[5]]
+def _matrix(rows: Rows, domain: Any) -> DomainMatrix:
+    """Sparse matrix over the domain: most entries of robots as they are built are zero."""
+    entries = {i: {k: domain.convert(x) for k, x in enumerate(row) if x} for i, row in enumerate(rows)}
+    return DomainMatrix({i: row for i, row in entries.items() if row}, (len(rows), len(rows[0])), domain)
 
 
-def _converted(rows: Sequence[Sequence], domain: Any) -> Rows:
-    return [[domain.convert(x) for x in row] for row in rows]
-
-
-def transposed(rows: Rows) -> Rows:
-    return [list(column) for column in zip(*rows, strict=True)]
-
-
-def _product(a: Rows, b: Rows, domain: Any) -> Rows:
-    if not a:
-        return []
-    shape_a, shape_b = (len(a), len(a[0])), (len(b), len(b[0]))
-    return (DomainMatrix(a, shape_a, domain) * DomainMatrix(b, shape_b, domain)).to_list()
-
-
-def _row_space(rows: Rows, domain: Any) -> Rows:
+def _row_space(rows: DomainMatrix) -> DomainMatrix:
     """A basis, in reduced echelon form, of the span of the rows."""
-    reduced, pivots = DomainMatrix(rows, (len(rows), len(rows[0])), domain).rref()
-    return reduced.to_list()[: len(pivots)]
+    reduced, pivots = rows.rref()
+    return reduced.extract(range(len(pivots)), range(rows.shape[1]))
 
 
-def _reduced(constraints: Rows, order: list[int], constant: Rows, domain: Any) -> list[tuple[int, dict, dict]]:
+def _eliminated(constraints: DomainMatrix, order: list[int], still: DomainMatrix) -> list[Relation]:
     """The null space of the constraints, each basis vector with one eliminated parameter of coefficient 1."""
-    permuted = [[row[k] for k in order] for row in constraints]
-    null = DomainMatrix(permuted, (len(permuted), 11), domain).nullspace()
-    if not null.shape[0]:
-        return []
+    null = constraints.extract(range(constraints.shape[0]), order).nullspace()
     reduced, pivots = null.rref()
     found = []
-    for row, pivot in zip(reduced.to_list(), pivots, strict=False):
-        relation = {order[c]: x for c, x in enumerate(row) if x and c != pivot}
-        whole = [[domain.zero] for _ in range(10)]
-        for c, x in enumerate(row):
-            if order[c] != IA:
-                whole[order[c]] = [x]
-        handed = {k: x[0] for k, x in enumerate(_product(constant, whole, domain)) if x[0]}
-        found.append((order[pivot], relation, handed))
+    for at, pivot in enumerate(pivots):
+        vector = {order[c]: x for c, x in enumerate(reduced.extract([at], range(11)).to_list()[0]) if x}
+        body = DomainMatrix({k: {0: x} for k, x in vector.items() if k != IA}, (10, 1), constraints.domain)
+        handed = {k: row[0] for k, row in enumerate((still * body).to_list()) if row[0]}
+        del vector[order[pivot]]
+        found.append((order[pivot], vector, handed))
     return found
 
 

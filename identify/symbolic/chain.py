@@ -16,7 +16,7 @@ Vec = tuple[Scalar, Scalar, Scalar]
 Mat = tuple[Vec, Vec, Vec]
 
 ANGLE_TOLERANCE = 1e-9
-"""Angles closer than this [rad] to a multiple of π/2 are taken to be it: files write 1.5708 for π/2."""
+"""Angles closer than this [rad] to a multiple of π/2 are taken to be it: nine decimals of π/2 are meant exactly."""
 
 
 def quarter_turns(angle: float) -> int | None:

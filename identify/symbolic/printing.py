@@ -31,34 +31,39 @@ def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Express
     for row, e in enumerate(outputs):
         target.setdefault(e.index, row)
     place: dict[int, str] = {}
-    free: list[int] = []
+    free: list[str] = []
     rows = 0
-    lines = [f"def {name}(x, out, work):", "    add, subtract, multiply = np.add, np.subtract, np.multiply"]
-    lines.append("    negative, cos, sin = np.negative, np.cos, np.sin")
+    body: list[str] = []
     for at, i in enumerate(order):
         node = graph.nodes[i]
         if node[0] == "constant":
             place[i] = repr(node[1])
             continue
         if node[0] == "symbol":
-            place[i] = f"x[{inputs[node[1]]}]"
+            place[i] = f"x{inputs[node[1]]}"
             continue
         operands = ", ".join(place[k] for k in arguments(node))
-        for k in set(arguments(node)):
-            if last[k] == at and place[k].startswith("work"):
-                free.append(int(place[k][5:-1]))
+        # A row whose last reader this is may take the result itself: NumPy's element-wise work allows it.
+        free += [place[k] for k in set(arguments(node)) if last[k] == at and place[k].startswith("w")]
         if i in target:
-            place[i] = f"out[{target[i]}]"
+            place[i] = f"o{target[i]}"
+        elif free:
+            place[i] = free.pop()
         else:
-            if not free:
-                free.append(rows)
-                rows += 1
-            place[i] = f"work[{free.pop()}]"
-        lines.append(f"    {UFUNCS[node[0]]}({operands}, {place[i]})")
+            place[i] = f"w{rows}"
+            rows += 1
+        body.append(f"    {UFUNCS[node[0]]}({operands}, {place[i]})")
     for row, e in enumerate(outputs):
-        if place[e.index] != f"out[{row}]":
-            lines.append(f"    out[{row}] = {place[e.index]}")
-    return "\n".join(lines) + "\n", rows
+        if place[e.index] != f"o{row}":
+            body.append(f"    o{row}[:] = {place[e.index]}")
+    # Rows get local names once: taking them out of the array again at every operation would cost more than the work.
+    head = [f"def {name}(x, out, work):"]
+    head.append("    add, subtract, multiply = np.add, np.subtract, np.multiply")
+    head.append("    negative, cos, sin = np.negative, np.cos, np.sin")
+    for letter, array, count in (("x", "x", len(inputs)), ("o", "out", len(outputs)), ("w", "work", rows)):
+        if count:
+            head.append(f"    {''.join(f'{letter}{k}, ' for k in range(count))}= {array}")
+    return "\n".join([*head, *body]) + "\n", rows
 
 
 def compiled(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[Block, int]:

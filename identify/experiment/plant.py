@@ -101,7 +101,12 @@ def run_plant(
     everything = mujoco.mjtState.mjSTATE_FULLPHYSICS
     start = np.empty(mujoco.mj_stateSize(model, everything))
     mujoco.mj_getState(model, data, start, everything)
-    states, _ = rollout.rollout(model, data, start, command[None, :-1, order])
+    # MuJoCo would answer divergence with a file in the current folder; it is told below instead
+    mujoco.set_mju_user_warning(lambda text: None)
+    try:
+        states, _ = rollout.rollout(model, data, start, command[None, :-1, order])
+    finally:
+        mujoco.set_mju_user_warning(None)
     states = np.vstack([start, states[0]])  # (steps + 1, 1 + 2n): time, q, q̇
 
     n = robot.n

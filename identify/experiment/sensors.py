@@ -37,10 +37,7 @@ def measure(run: PlantRun, noise: str, seed: int, robot: Robot) -> Log:
     Butterworth low-pass at 50 Hz, late by about 5 ms. noise "none": position and effort are the plant's, bit by
     bit. The metadata says all this; findings are the plant's. InputError for an unknown noise or seed.
     """
-    if noise not in NOISE:
-        raise InputError(f"noise is {noise!r}; choose one of {', '.join(NOISE)}")
-    if seed < 0:
-        raise InputError(f"seed is {seed}; it must be a whole number of at least 0")
+    check_noise(noise, seed)
     position, effort = run.position.copy(), run.effort.copy()
     if noise != "none":
         for j, joint in enumerate(robot.joints):
@@ -73,6 +70,14 @@ def measure(run: PlantRun, noise: str, seed: int, robot: Robot) -> Log:
             **({"findings": "; ".join(run.findings)} if run.findings else {}),
         },
     )
+
+
+def check_noise(noise: str, seed: int) -> None:
+    """InputError unless `noise` is one of NOISE and `seed` a whole number of at least 0."""
+    if noise not in NOISE:
+        raise InputError(f"noise is {noise!r}; choose one of {', '.join(NOISE)}")
+    if seed < 0:
+        raise InputError(f"seed is {seed}; it must be a whole number of at least 0")
 
 
 def _normal(seed: int, channel: int, joint: int, samples: int) -> np.ndarray:

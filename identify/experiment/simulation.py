@@ -9,7 +9,7 @@ from typing import Any
 
 from identify.errors import OutputError
 from identify.experiment.plant import run_plant
-from identify.experiment.sensors import measure
+from identify.experiment.sensors import check_noise, measure
 from identify.experiment.trajectory import Trajectory
 from identify.logs.files import digest, replacing
 from identify.logs.log import Log
@@ -29,8 +29,9 @@ def simulate(
 
     noise: none, standard or high; seed of the sensor noise, the only random thing here. The truth is a table fit
     for JSON; nothing of it is in the log. Limits that the motion broke are in the log's findings.
-    InputError for a trajectory of another robot; RobotError for inertias that no simulation can hold.
+    InputError for a trajectory of another robot; RobotError for inertias that MuJoCo can't hold.
     """
+    check_noise(noise, seed)
     tell = progress or (lambda fraction, text: None)
     run = run_plant(robot, trajectory, progress=lambda fraction, text: tell(0.8 * fraction, text))
     tell(0.8, "sensors")

@@ -6,7 +6,8 @@ while q̇[k] is their slope half a step earlier. Taking Fv·q̇ there would look
 positions, like an actuator inertia that is wrong by Fv·h/2 (0.1 % of Ia on the RX-90, four standard
 deviations of a 30 s log). The plant therefore integrates viscous friction by the trapezoidal rule,
 Fv·(q̇[k] + q̇[k+1])/2: explicit damping, and Fv·h/2 added to the armature on the left-hand side. Then the
-logged effort is rigid body + Ia·q̈ + Fv·q̇ + Fs·sign(q̇) + offset at the logged positions.
+logged effort is rigid body + Ia·q̈ + Fv·q̇ + Fs·sign(q̇) + offset at the logged positions, but for the
+centrifugal and Coriolis effort, which is half a step old (RX-90: below 0.007 N·m rms on every joint).
 """
 
 from __future__ import annotations

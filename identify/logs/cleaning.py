@@ -9,6 +9,7 @@ import numpy as np
 from identify.errors import LogError
 from identify.logs.log import Log
 from identify.logs.slicing import counted_from
+from identify.logs.wording import counted
 
 MOST_DROPPED = 0.05
 """Share of rows that may be dropped for being NaN, or for running backward in time."""
@@ -19,10 +20,10 @@ ABSURD = 1e9
 def clean(log: Log) -> Log:
     """A log with finite rows, time strictly increasing from zero, and channels that hold something.
 
-    Values beyond ABSURD count as not finite. Rows whose position, effort or time is not finite are dropped, as are those whose time repeats or runs
-    backward; the findings count them. A channel without a finite value counts as absent. A velocity sample
-    that is not finite is derived from position; above 5 % the whole channel is. Raises LogError above 5 % of
-    rows that are not finite or that run backward.
+    Values beyond ABSURD count as not finite. Rows whose position, effort or time is not finite are dropped,
+    as are those whose time repeats or runs backward; the findings count them. A channel without a finite
+    value counts as absent. A velocity sample that is not finite is derived from position; above 5 % the whole
+    channel is. Raises LogError above 5 % of rows that are not finite or that run backward.
     """
     findings = list(log.findings)
     if not log.samples:
@@ -79,9 +80,8 @@ def _finite_rows(log: Log, findings: list[str]) -> np.ndarray:
             f"({100 * bad[worst].mean():.1f} %); at most {100 * MOST_DROPPED:.0f} % can be dropped, so record again"
         )
     if dropped.any():
-        findings.append(
-            f"{dropped.sum()} of {log.samples} rows dropped: position, effort or time is not finite, or absurd"
-        )
+        share_dropped = f"{dropped.sum():,} of {counted(log.samples, 'row')} dropped"
+        findings.append(f"{share_dropped}: position, effort or time is not finite, or absurd")
     return ~dropped
 
 
@@ -105,9 +105,11 @@ def _forward_rows(log: Log, finite: np.ndarray, findings: list[str]) -> np.ndarr
             f"{-step[worst]:.3f} s after row {worst}; split the recording there, or mend its clock"
         )
     if (repeated & ~keep).any():
-        findings.append(f"{(repeated & ~keep).sum()} of {log.samples} rows dropped: their time repeats the one before")
+        findings.append(
+            f"{(repeated & ~keep).sum():,} of {counted(log.samples, 'row')} dropped: their time repeats the one before"
+        )
     if backward:
-        findings.append(f"{backward} of {log.samples} rows dropped: their time runs backward")
+        findings.append(f"{backward:,} of {counted(log.samples, 'row')} dropped: their time runs backward")
     return keep
 
 
@@ -125,5 +127,5 @@ def _usable_velocity(log: Log, findings: list[str]) -> np.ndarray | None:
     if share > MOST_DROPPED or log.samples < 3:
         findings.append(f"the velocity is NaN in {100 * share:.1f} % of the rows; all of it is derived from position")
         return None
-    findings.append(f"{missing.sum()} velocity samples are NaN and were derived from position")
+    findings.append(f"{counted(int(missing.sum()), 'velocity sample')} not finite and derived from position")
     return np.where(missing, np.gradient(log.position, log.time, axis=0), log.velocity)

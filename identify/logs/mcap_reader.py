@@ -18,6 +18,7 @@ from identify.errors import LogError
 from identify.logs import joint_state
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
+from identify.logs.wording import counted, printable
 
 _SECOND = joint_state.NANOSECONDS
 _LAYOUTS_PER_RUN = 8
@@ -95,8 +96,8 @@ def read_mcap(path: str | os.PathLike[str], topic: str | None = None, joints: Se
                     good = blocks.setdefault(channel.topic, [])
                     good.extend(block for block in found if block is not None)
                     unreadable += sum(block is None for block in found)
-    topics = {c.topic: schemas.get(c.schema_id, "no type") for c in channels.values()}
-    findings = [f"{unreadable} joint state messages could not be decoded and were left out"] if unreadable else []
+    topics = {c.topic: printable(schemas.get(c.schema_id, "no type")) for c in channels.values()}
+    findings = [f"{counted(unreadable, 'joint state message')} could not be decoded and not used"] if unreadable else []
     chosen = _choose_topic(path, topics, blocks, topic, damages, findings)
     log = _assemble(path, blocks[chosen], joints, findings)
     findings = [*_describe(damages, log, blocks[chosen]), *findings]
@@ -188,14 +189,16 @@ def _choose_topic(
     findings: list[str],
 ) -> str:
     """The topic to read; LogError where there is none, with the topics that there are."""
-    listed = ", ".join(f"{name} ({kind})" for name, kind in sorted(topics.items())) or "none"
+    listed = ", ".join(f"{printable(name)} ({kind})" for name, kind in sorted(topics.items())) or "none"
     counts = {name: sum(len(block.places) for block in found) for name, found in blocks.items()}
     counts = {name: count for name, count in counts.items() if count}
     holding = [name for name, kind in topics.items() if kind in joint_state.NAMES]
     if topic is not None and topic not in counts:
         raise LogError(f"{path}: holds no joint states on the topic {topic}; its topics: {listed}")
     if not counts and holding:
-        raise LogError(f"{path}: holds no usable message on {', '.join(sorted(holding))}; record while the robot runs")
+        raise LogError(
+            f"{path}: holds no usable message on {printable(', '.join(sorted(holding)))}; record while the robot runs"
+        )
     if not counts and not topics and damages:
         raise LogError(f"{path}: was cut or damaged before its first joint state; nothing can be recovered")
     if not counts:
@@ -203,7 +206,8 @@ def _choose_topic(
     chosen = topic or (TOPIC if TOPIC in counts else max(sorted(counts), key=counts.__getitem__))
     others = sorted(name for name in counts if name != chosen)
     if others and topic is None:
-        findings.append(f"joint states come on several topics: {chosen} was read, {', '.join(others)} left out")
+        left = printable(", ".join(others))
+        findings.append(f"joint states come on several topics: {printable(chosen)} was read, {left} left out")
     return chosen
 
 
@@ -217,11 +221,12 @@ def _assemble(path: Path, blocks: list[Block], wanted: Sequence[str] | None, fin
     chosen = max(groups, key=lambda names: (need <= names, len(names), counts[names]))
     for names in groups:
         if names != chosen:
-            findings.append(f"{counts[names]} messages with other joints ({', '.join(sorted(names))}) were left out")
+            listed = printable(", ".join(sorted(names)))
+            findings.append(f"{counted(counts[names], 'message')} with other joints ({listed}) were left out")
     group = groups[chosen]
     joints = group[0].joints
     if len(chosen) != len(joints):
-        raise LogError(f"{path}: its messages name a joint twice ({', '.join(joints)}); mend the publisher")
+        raise LogError(f"{path}: its messages name a joint twice ({printable(', '.join(joints))}); mend the publisher")
 
     places = np.concatenate([block.places for block in group])
     order = np.argsort(places, kind="stable") if (np.diff(places) < 0).any() else slice(None)
@@ -258,10 +263,10 @@ def _column(group: list[Block], joints: tuple[str, ...], name: str, order: Any) 
 def _describe(damages: list[Any], log: Log, blocks: list[Block]) -> list[str]:
     """A sentence for every damage: what was lost, and how far the recording goes."""
     first = min(int(block.log_time[0]) for block in blocks)
-    recovered = f"all {log.samples} samples before that are recovered, up to {log.time.max():.3f} s"
+    recovered = f"{counted(log.samples, 'sample')} before that recovered, up to {log.time.max():.3f} s"
     sentences = []
     for damage in damages:
-        lost = f"{damage.lost_bytes} bytes are lost" if damage.lost_bytes else "no sample is lost"
+        lost = f"{counted(damage.lost_bytes, 'byte')} lost" if damage.lost_bytes else "no sample lost"
         if damage.span is not None:
             start, stop = ((when - first) / _SECOND for when in damage.span)
             lost += f", which spanned {start:.3f} to {stop:.3f} s"

@@ -224,7 +224,7 @@ def _record(opcode: int, body: bytes, at: int) -> Item:
     kind: Any = _KEPT[opcode]
     try:
         return kind.read(ReadDataStream(io.BytesIO(body)))
-    except (struct.error, ValueError, McapError, MemoryError):
+    except (struct.error, ValueError, OverflowError, McapError, MemoryError):
         return Damage(at, len(body), f"a {kind.__name__.lower()} record can't be read")
 
 

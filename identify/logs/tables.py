@@ -16,6 +16,7 @@ from identify.logs.files import digest, digest_of_several
 from identify.logs.log import Log
 from identify.logs.table_map import EXAMPLE, Column, Signal, TableMap, load_map
 from identify.logs.text_table import read_columns, read_shape
+from identify.logs.wording import counted, printable
 
 _MOST_LOST = 0.05
 _UNREADABLE = (
@@ -93,7 +94,7 @@ def _columns(path: Path, mapping: TableMap, findings: list[str]) -> dict[str, np
         listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
         raise LogError(f"{path}: its files do not hold the same motion: rows of {listed}; record them together")
     if shortest < longest:
-        findings.append(f"the last {longest - shortest} rows were left out, as not every file has them")
+        findings.append(f"{counted(longest - shortest, 'row')} at the end not used, as not every file has them")
     return {name: values[:shortest] for name, values in columns.items()}
 
 
@@ -119,7 +120,7 @@ def _read_text(path: Path, signals: dict[str, Signal], n: int, findings: list[st
             )
         wanted.extend(signal.columns)
     values, faults = read_columns(path, read_shape(path), wanted)
-    findings.extend(f"{path.name}: {count} rows {reason} are not used" for reason, count in faults.items())
+    findings.extend(f"{path.name}: {counted(count, 'row')} {reason} not used" for reason, count in faults.items())
     ends = np.cumsum([len(signal.columns) for signal in signals.values()])[:-1]
     return dict(zip(signals, np.split(values, ends, axis=1), strict=True))
 
@@ -133,7 +134,7 @@ def _read_archive(path: Path, signals: dict[str, Signal], n: int) -> dict[str, n
             for name, signal in signals.items():
                 missing = [column for column in signal.columns if column not in names]
                 if missing:
-                    raise LogError(f"{path}: has no array {missing[0]!r}; its arrays are {', '.join(names)}")
+                    raise LogError(f"{path}: has no array {missing[0]!r}; its arrays are {printable(', '.join(names))}")
                 found[name] = [np.atleast_1d(archive[str(column)]) for column in signal.columns]
     except _UNREADABLE as error:
         raise LogError(f"{path}: can't be read as NPZ: {error}") from error

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from identify.errors import LogError
+from identify.logs.wording import printable
 
 OTHER_LENGTH, NO_NUMBER, CUT = (
     "of another length",
@@ -84,9 +85,13 @@ def read_columns(path: Path, shape: Shape, wanted: Sequence[str | int]) -> tuple
 def split(line: str, delimiter: str | None) -> list[str]:
     """The cells of a line, without the blanks and quotes around them."""
     if delimiter is None:
-        return line.split()
-    cells = next(csv.reader([line], delimiter=delimiter)) if '"' in line else line.split(delimiter)
-    return [cell.strip() for cell in cells]
+        return [cell.strip('"') for cell in line.split()]
+    if '"' in line:
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+        except csv.Error:
+            pass
+    return [cell.strip() for cell in line.split(delimiter)]
 
 
 def _lines(path: Path) -> Iterator[str]:
@@ -138,7 +143,7 @@ def _index(path: Path, shape: Shape, column: str | int) -> int:
     found = [number for number, name in enumerate(shape.header) if name == column]
     if len(found) == 1:
         return found[0]
-    shown = ", ".join(shape.header[:_NAMES_SHOWN]) + (", …" if len(shape.header) > _NAMES_SHOWN else "")
+    shown = printable(", ".join(shape.header[:_NAMES_SHOWN])) + (", …" if len(shape.header) > _NAMES_SHOWN else "")
     problem = "more than one column is named" if found else "has no column"
     raise LogError(f"{path}: {problem} {column!r}; its {len(shape.header)} columns are {shown}")
 

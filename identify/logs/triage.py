@@ -11,6 +11,7 @@ import numpy as np
 
 from identify.errors import UnsupportedLogError
 from identify.logs.log import Log
+from identify.logs.wording import counted
 from identify.robot.robot import Limits
 
 STILL_RANGE = 0.01
@@ -106,9 +107,9 @@ class Findings:
         """A page of text for the terminal."""
         even = f"steps of {1e3 * self.median_step:.3f} ms, the longest {1e3 * self.max_step:.3f} ms"
         lines = [
-            f"{self.source}: {self.samples} samples, {self.duration:.3f} s at {self.rate_hz:.1f} Hz ({even})",
+            f"{self.source}: {counted(self.samples, 'sample')} in {self.duration:.3f} s, {self.rate_hz:.1f} Hz ({even})",
             f"{self.motion:.1f} s in motion; velocity {_given(self.has_velocity)}, effort {_given(self.has_effort)}; "
-            f"{self.dropped} rows dropped, {self.gaps} gaps",
+            f"{counted(self.dropped, 'row')} dropped, {counted(self.gaps, 'gap')}",
             "",
             f"{'joint':<16} {'position':^19} {'max speed':>9} {'effort':^19} {'at rest':>7}  motion",
         ]
@@ -218,7 +219,7 @@ def _of_time(steps: np.ndarray, gaps: int, log: Log) -> list[str]:
     if gaps:
         worst = int(steps.argmax())
         where = f"the longest {steps[worst]:.3f} s at {log.time[worst]:.3f} s"
-        return [f"the recording has {gaps} gaps of more than {GAP:g} median steps, {where}"]
+        return [f"the recording has {counted(gaps, 'gap')} of more than {GAP:g} median steps, {where}"]
     if steps.max() > UNEVEN * median > 0:
         return [f"the sampling is uneven: the longest step is {steps.max() / median:.1f} times the median one"]
     return []

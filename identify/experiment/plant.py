@@ -3,7 +3,7 @@
 Time stepping and truth. MuJoCo's Euler step is q̇[k+1] = q̇[k] + h·q̈[k], q[k+1] = q[k] + h·q̇[k+1], with q̈[k]
 from the effort held over that step. So q̈[k] is exactly the second difference of the positions about t[k],
 while q̇[k] is their slope half a step earlier. Taking Fv·q̇ there would look, to anyone who only has the
-positions, like an actuator inertia that is wrong by Fv·h/2 (0.1 % of Ia on the RX-90, four standard
+positions, like an actuator inertia that is wrong by Fv·h/2 (0.1 to 0.3 % of Ia on the RX-90, a few standard
 deviations of a 30 s log). The plant therefore integrates viscous friction by the trapezoidal rule,
 Fv·(q̇[k] + q̇[k+1])/2: explicit damping, and Fv·h/2 added to the armature on the left-hand side. Then the
 logged effort is rigid body + Ia·q̈ + Fv·q̇ + Fs·sign(q̇) + offset at the logged positions, but for the

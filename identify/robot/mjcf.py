@@ -136,9 +136,7 @@ def _inertial(robot: Robot, joint: Joint, link: np.ndarray) -> dict[str, str]:
     if not np.all(np.isfinite(link)):
         raise RobotError(f"{where}: a standard parameter is not a number; MuJoCo needs finite inertias")
     if mass <= 0:
-        raise RobotError(
-            f"{where}: mass {mass:g} kg; MuJoCo needs every moving link to have mass and inertia"
-        )
+        raise RobotError(f"{where}: mass {mass:g} kg; MuJoCo needs every moving link to have mass and inertia")
     com = np.array([mx, my, mz]) / mass
     about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     inertia = about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))

@@ -125,7 +125,7 @@ def _frame(body: Body, parent: np.ndarray | None, child: Body | None) -> np.ndar
     """(4, 4) R_j at q = 0 in the root frame."""
     z, point = body.direction, body.point
     rest = _pose(z, _across(body), point)
-    if parent is not None:
+    if parent is not None and not TOLERANCE < np.linalg.norm(np.cross(parent[:3, 2], z)) < NEARLY_PARALLEL:
         # θ = 0 and r = 0: x_j along the common normal with the parent's axis, O_j at its foot.
         gamma, b, alpha, d, _, _ = decompose(inverse(parent) @ rest)
         rest = parent @ placement(gamma, b, alpha, d, 0.0, 0.0)

@@ -205,7 +205,7 @@ def _placement(value: Any, where: str) -> np.ndarray:
 
 def _rows(value: Any, n: int, where: str) -> Matrix:
     if not isinstance(value, list) or len(value) != n:
-        size = f"{len(value)} rows" if isinstance(value, list) else checks.found(value)
+        size = f"{len(value)} row{'s' * (len(value) != 1)}" if isinstance(value, list) else checks.found(value)
         raise RobotError(f"{where}: expected a matrix of {n} × {n}, found {size}")
     return tuple(checks.numbers(row, n, f"{where}[{i}]") for i, row in enumerate(value))
 

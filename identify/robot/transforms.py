@@ -66,11 +66,11 @@ def decompose(transform: np.ndarray, tolerance: float = TOLERANCE) -> tuple[floa
     rotation, p = transform[:3, :3], transform[:3, 3]
     parallel = math.hypot(rotation[0, 2], rotation[1, 2]) <= tolerance
     if parallel:
-        across = math.hypot(p[0], p[1])
-        gamma = _half_turn(math.atan2(p[1], p[0])) if across > tolerance else 0.0
+        # A tilt just within the tolerance moves the origin sideways by as much of the height.
+        beside = abs(p[1]) > tolerance * (1.0 + abs(p[2]))
+        gamma = _half_turn(math.atan2(p[1], p[0]), tolerance) if beside else 0.0
     else:
-        gamma = _half_turn(math.atan2(rotation[0, 2], -rotation[1, 2]))
-    gamma = snap_angle(gamma, tolerance)
+        gamma = _half_turn(math.atan2(rotation[0, 2], -rotation[1, 2]), tolerance)
     cosine, sine = cosine_sine(-gamma)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     rotation, p = turn @ rotation, turn @ p
@@ -94,11 +94,12 @@ def parameters(transform: np.ndarray) -> tuple[float, float, float, float, float
     return gamma, round(b, DECIMALS), alpha, round(d, DECIMALS), theta, round(r, DECIMALS)
 
 
-def _half_turn(angle: float) -> float:
-    """The angle [rad] brought into (-π/2, π/2] by a half turn."""
-    if angle > QUARTER + TOLERANCE:
-        return angle - math.pi
-    return angle + math.pi if angle <= -QUARTER + TOLERANCE else angle
+def _half_turn(angle: float, tolerance: float) -> float:
+    """The angle [rad], snapped and brought into (-π/2, π/2] by a half turn."""
+    angle = snap_angle(angle, tolerance)
+    if angle > QUARTER:
+        return snap_angle(angle - math.pi, tolerance)
+    return snap_angle(angle + math.pi, tolerance) if angle <= -QUARTER else angle
 
 
 def from_roll_pitch_yaw(xyz: Sequence[float], rpy: Sequence[float]) -> np.ndarray:

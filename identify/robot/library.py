@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from pathlib import Path
 
@@ -23,18 +24,20 @@ def load_robot(name_or_path: str | Path) -> Robot:
     given = str(name_or_path)
     if given in built_in():
         return read_toml(read_text(_folder() / f"{given}.toml"), f"built-in {given}")
+    if not given.strip():
+        raise RobotError(f"no robot given: expected a robot file, or a built-in robot: {_names()}")
     path = Path(name_or_path)
     suffix = path.suffix.lower()
-    if path.is_dir():
+    if os.path.isdir(path):
         raise RobotError(
             f"{given}: is a folder; give a {_one_of(SUFFIXES)} file in it, or a built-in robot: {_names()}"
         )
     if suffix not in SUFFIXES:
-        if path.exists():
+        if os.path.exists(path):
             raise RobotError(f"{given}: can't tell the format; a robot file ends in {_one_of(SUFFIXES)}")
         near = suggestion(given, built_in()) if not suffix and path.name == given else "no such file"
         raise RobotError(f"unknown robot {given!r}: {near}; built-in robots: {_names()}, or give a robot file")
-    if not path.exists():
+    if not os.path.exists(path):
         raise RobotError(f"{given}: no such file; give a robot file, or a built-in robot: {_names()}")
     text = read_text(path)
     if suffix == ".toml":

@@ -42,7 +42,9 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
     source = source or "robot"
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise RobotError(f"{source}: not valid TOML: brackets nested too deeply") from None
+    except ValueError as error:  # TOMLDecodeError, and integers of thousands of digits
         raise RobotError(f"{source}: not valid TOML: {error}") from None
     checks.table(data, ROBOT_KEYS, source)
     if "name" not in data:
@@ -67,7 +69,7 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
 def read_text(path: Path) -> str:
     """The text of a robot file; RobotError for a file that is missing, unreadable or no UTF-8 text."""
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise RobotError(f"{path}: no such file") from None
     except UnicodeDecodeError as error:

@@ -66,31 +66,28 @@ def read_urdf(text: str | Path, source: str = "") -> Robot:
     links = _links(root, source)
     edges = _edges(root, links, source)
     base = _root(links, edges, source)
+    children = {name: [edge for edge in edges if edge.parent == name] for name in links}
 
     notes: list[str] = []
     bodies: list[Body] = []
     tip = np.eye(4)
-
-    def visit(name: str, anchor: int, frame: np.ndarray) -> None:
-        """Walk the tree depth first; `frame` (4, 4) is link `name` in the root link at q = 0."""
-        nonlocal tip
-        for edge in (edge for edge in edges if edge.parent == name):
-            reached = tidy(frame @ edge.origin)
-            link = _link(links[edge.child], f"{source}: link {edge.child!r}", notes)
-            if edge.type == FIXED:
-                if anchor >= 0:
-                    own = bodies[anchor]
-                    moved = move_link(link, tidy(inverse(own.frame) @ reached))
-                    bodies[anchor] = replace(own, link=merge_links(own.link, moved))
-                carrier = anchor
-            else:
-                bodies.append(_body(edge, anchor, reached, link, f"{source}: joint {edge.name!r}"))
-                carrier = len(bodies) - 1
-            if carrier == len(bodies) - 1:
-                tip = reached
-            visit(edge.child, carrier, reached)
-
-    visit(base, -1, np.eye(4))
+    # Depth first: (joint to visit, index of the moving body that carries its parent link, that link in the root).
+    pending = [(edge, -1, np.eye(4)) for edge in reversed(children[base])]
+    while pending:
+        edge, anchor, frame = pending.pop()
+        reached = tidy(frame @ edge.origin)
+        link = _link(links[edge.child], f"{source}: link {edge.child!r}", notes)
+        carrier = anchor
+        if edge.type != FIXED:
+            carrier = len(bodies)
+            bodies.append(_body(edge, anchor, reached, link, f"{source}: joint {edge.name!r}"))
+        elif anchor >= 0:
+            own = bodies[anchor]
+            moved = move_link(link, tidy(inverse(own.frame) @ reached))
+            bodies[anchor] = replace(own, link=merge_links(own.link, moved))
+        if carrier == len(bodies) - 1:
+            tip = reached
+        pending += [(below, carrier, reached) for below in reversed(children[edge.child])]
     if not bodies:
         raise RobotError(
             f"{source}: no moving joint; a robot needs at least one revolute, continuous or prismatic joint"
@@ -188,13 +185,13 @@ def _limits(edge: _Edge, where: str) -> Limits:
     if element is None:
         return Limits()
     where = f"{where}: limit"
-    low, high = (_number(element, key, 0.0, where) for key in ("lower", "upper"))
+    low, high = (_number(element, key, 0.0, where, infinite=True) for key in ("lower", "upper"))
     if low > high:
         raise RobotError(f"{where}: lower {low:g} lies above upper {high:g}")
     given = edge.type != "continuous" and low < high
     sizes = {}
     for key in ("velocity", "acceleration", "effort"):
-        size = checks.not_negative(_number(element, key, 0.0, where), f"{where}: {key}")
+        size = checks.not_negative(_number(element, key, 0.0, where, infinite=True), f"{where}: {key}")
         sizes[key] = size or math.inf
     return Limits((low, high) if given else (-math.inf, math.inf), **sizes)
 
@@ -259,9 +256,14 @@ def _attribute(element: Element, key: str, where: str) -> str:
     return value
 
 
-def _number(element: Element, key: str, default: float, where: str) -> float:
+def _number(element: Element, key: str, default: float, where: str, infinite: bool = False) -> float:
     value = element.get(key)
-    return default if value is None else next(_floats(value, f"{where}: {key}"), default)
+    if value is None:
+        return default
+    numbers = tuple(_floats(value, f"{where}: {key}", infinite))
+    if len(numbers) != 1:
+        raise RobotError(f"{where}: {key}: expected one number, found {checks.found(value)}")
+    return numbers[0]
 
 
 def _vector(element: Element, key: str, default: tuple[float, ...], where: str) -> tuple[float, ...]:
@@ -274,10 +276,10 @@ def _vector(element: Element, key: str, default: tuple[float, ...], where: str) 
     return numbers
 
 
-def _floats(text: str, where: str) -> Iterator[float]:
+def _floats(text: str, where: str, infinite: bool = False) -> Iterator[float]:
     for word in text.split():
         try:
             value = float(word)
         except ValueError:
             raise RobotError(f"{where}: expected numbers, found {checks.found(text)}") from None
-        yield checks.number(value, where)
+        yield checks.number(value, where, infinite)

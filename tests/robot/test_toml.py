@@ -180,6 +180,8 @@ def arm(old: str, new: str) -> str:
 
 REFUSALS = {
     "syntax": ("name = arm\n[[joint", "arm.toml: not valid TOML: Invalid value (at line 1, column 8)"),
+    "nested": ("name = " + "[" * 100_000, "arm.toml: not valid TOML: brackets nested too deeply"),
+    "digits": ("name = " + "1" * 5000, "arm.toml: not valid TOML: "),
     "no name": ('[[joint]]\nname = "a"', "arm.toml: the robot has no name"),
     "no joint": ('name = "arm"', "arm.toml: no moving joint"),
     "only fixed": ('name = "arm"\n[[joint]]\nname = "a"\ntype = "fixed"', "arm.toml: no moving joint"),

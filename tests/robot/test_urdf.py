@@ -182,6 +182,28 @@ def test_limits_friction_and_missing_inertia() -> None:
     assert wrist.link == Link()
 
 
+def test_infinite_limits_are_no_limits() -> None:
+    text = ARM.replace('lower="-1" upper="2" velocity="3"', 'lower="-inf" upper="inf" velocity="inf"')
+    assert read_urdf(text, "arm.urdf").joints[0].limits == Limits(effort=40.0)
+
+
+def test_joints_come_depth_first_in_the_files_order() -> None:
+    links = "".join(f'<link name="{name}"/>' for name in "abcdef")
+    joints = "".join(
+        f'<joint name="{parent}{child}" type="{kind}"><parent link="{parent}"/><child link="{child}"/></joint>'
+        for parent, child, kind in (
+            ("c", "f", "fixed"),
+            ("a", "d", "revolute"),
+            ("d", "e", "prismatic"),
+            ("a", "b", "continuous"),
+            ("b", "c", "revolute"),
+        )
+    )
+    robot = read_urdf(f'<robot name="tree">{links}{joints}</robot>', "tree.urdf")
+    assert robot.joint_names == ("ad", "de", "ab", "bc")
+    assert [joint.parent for joint in robot.joints] == [-1, 0, -1, 2]
+
+
 def test_a_file_is_read_by_its_path(tmp_path: Path) -> None:
     path = tmp_path / "arm.urdf"
     path.write_text(ARM, encoding="utf-8")

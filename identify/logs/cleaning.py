@@ -9,7 +9,7 @@ import numpy as np
 from identify.errors import LogError
 from identify.logs.log import Log
 from identify.logs.slicing import counted_from
-from identify.logs.wording import counted
+from identify.logs.wording import counted, printable
 
 MOST_DROPPED = 0.05
 """Share of rows that may be dropped for being NaN, or for running backward in time."""
@@ -68,9 +68,9 @@ def _finite_rows(log: Log, findings: list[str]) -> np.ndarray:
         missing = ~_usable(values)
         for joint, column in zip(log.joints, missing.T, strict=True):
             if column.all():
-                findings.append(f"the {name} of {joint} is NaN throughout")
+                findings.append(f"the {name} of {printable(joint)} is NaN throughout")
             else:
-                bad[f"{name} of {joint}"] = column
+                bad[f"{name} of {printable(joint)}"] = column
     dropped = np.any(list(bad.values()), axis=0)
     share = dropped.mean()
     if share > MOST_DROPPED:

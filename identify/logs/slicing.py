@@ -9,6 +9,7 @@ import numpy as np
 
 from identify.errors import LogError
 from identify.logs.log import START_TIME, Log
+from identify.logs.wording import printable
 
 
 def select(log: Log, joint_names: Sequence[str]) -> Log:
@@ -19,7 +20,7 @@ def select(log: Log, joint_names: Sequence[str]) -> Log:
     missing = [name for name in names if name not in log.joints]
     if missing:
         raise LogError(
-            f"{log.source or 'log'}: has no joint {missing[0]!r}; it has {', '.join(log.joints)}: "
+            f"{log.source or 'log'}: has no joint {missing[0]!r}; it has {printable(', '.join(log.joints))}: "
             "name the robot's joints as the log does, or choose some with --joints"
         )
     columns = [log.joints.index(name) for name in names]

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from identify.errors import LogError
+from identify.logs.wording import printable
 
 EXAMPLE = (
     'rate_hz = 1000; side = "joint"; joints = ["joint_1"]; position = { columns = ["q1"], unit = "rad" }; '
@@ -79,7 +80,7 @@ def load_map(path: str | os.PathLike[str]) -> TableMap:
     except OSError as error:
         raise LogError(f"{path}: the map can't be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: the map is not valid TOML: {error}") from error
+        raise LogError(f"{path}: the map is not valid TOML: {printable(str(error))}") from error
     return parse_map(entries, str(path))
 
 

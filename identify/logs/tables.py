@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+import struct
+import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Sequence
@@ -27,6 +30,10 @@ _UNREADABLE = (
     EOFError,
     RuntimeError,
     MemoryError,
+    OverflowError,
+    SyntaxError,
+    struct.error,
+    tokenize.TokenError,
     zipfile.BadZipFile,
     zlib.error,
 )
@@ -128,7 +135,12 @@ def _read_text(path: Path, signals: dict[str, Signal], n: int, findings: list[st
 def _read_archive(path: Path, signals: dict[str, Signal], n: int) -> dict[str, np.ndarray]:
     """Signals of an NPZ file: one array (N,) a column, or one array (N, n) for them all."""
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # numpy warns of a damaged header before it gives up on it.
+        with (
+            warnings.catch_warnings(action="ignore"),
+            open(path, "rb") as stream,
+            np.load(stream, allow_pickle=False) as archive,
+        ):
             names = sorted(archive.files)
             found = {}
             for name, signal in signals.items():
@@ -137,7 +149,7 @@ def _read_archive(path: Path, signals: dict[str, Signal], n: int) -> dict[str, n
                     raise LogError(f"{path}: has no array {missing[0]!r}; its arrays are {printable(', '.join(names))}")
                 found[name] = [np.atleast_1d(archive[str(column)]) for column in signal.columns]
     except _UNREADABLE as error:
-        raise LogError(f"{path}: can't be read as NPZ: {error}") from error
+        raise LogError(f"{path}: can't be read as NPZ: {printable(str(error))}") from error
     for name, arrays in found.items():
         if any(array.dtype.kind not in "fiu" for array in arrays):
             raise LogError(f"{path}: the arrays of {name} hold something else than numbers")

@@ -107,7 +107,7 @@ class Findings:
         """A page of text for the terminal."""
         even = f"steps of {1e3 * self.median_step:.3f} ms, the longest {1e3 * self.max_step:.3f} ms"
         lines = [
-            f"{self.source}: {counted(self.samples, 'sample')} in {self.duration:.3f} s, {self.rate_hz:.1f} Hz ({even})",
+            f"{self.source}: {counted(self.samples, 'sample')}, {self.duration:.3f} s, {self.rate_hz:.1f} Hz ({even})",
             f"{self.motion:.1f} s in motion; velocity {_given(self.has_velocity)}, effort {_given(self.has_effort)}; "
             f"{counted(self.dropped, 'row')} dropped, {counted(self.gaps, 'gap')}",
             "",

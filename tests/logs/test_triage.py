@@ -57,7 +57,7 @@ def test_speed_by_differences_is_exact_for_a_steady_motion_with_uneven_steps():
 def test_text_and_json():
     found = inspect(swing())
     text = found.summary()
-    assert "swing: 4,000 samples in 3.999 s, 1000.0 Hz" in text
+    assert "swing: 4,000 samples, 3.999 s, 1000.0 Hz" in text
     assert "nothing odd was found" in text
     assert found.joints[1].sparkline in text
     values = json.loads(json.dumps(found.as_dict(), allow_nan=False))

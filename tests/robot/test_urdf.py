@@ -105,6 +105,7 @@ def test_frames_are_modified_denavit_hartenberg(seed: int, special: bool) -> Non
     first_children = {joint.parent: joint for joint in reversed(robot.joints)}
     for joint in first_children.values():
         assert (joint.gamma, joint.b) == (0.0, 0.0)
+        assert joint.d >= 0.0
     last = robot.joints[-1]
     assert (last.theta, last.r) == (0.0, 0.0)
 

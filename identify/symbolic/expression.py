@@ -151,6 +151,8 @@ def arguments(node: tuple) -> tuple[int, ...]:
 
 def evaluate(outputs: Sequence[Expression], values: Mapping[str, float]) -> list[float]:
     """Numbers of the outputs at the symbols' values: the slow reference that printed code is tested against."""
+    if not outputs:
+        return []
     graph = outputs[0].graph
     result: dict[int, float] = {}
     for i in reachable(graph, outputs):
@@ -179,9 +181,10 @@ def evaluate(outputs: Sequence[Expression], values: Mapping[str, float]) -> list
 def gradient(
     outputs: Sequence[Expression], weights: Sequence[Expression], wrt: Sequence[Expression]
 ) -> list[Expression]:
-    """Reverse-mode derivative of Σ weights·outputs with respect to each of `wrt`, in the same graph.
+    """Reverse-mode derivative of Σ weights·outputs with respect to each symbol of `wrt`, in the same graph.
 
-    One backward sweep, whatever the number of variables (Linnainmaa 1976).
+    One backward sweep, whatever the number of variables (Linnainmaa 1976). The weights are held constant, even
+    where they are expressions of the same symbols.
     """
     graph = outputs[0].graph
     adjoint: dict[int, Expression] = {}

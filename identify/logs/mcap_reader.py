@@ -88,11 +88,11 @@ def read_mcap(path: str | os.PathLike[str], topic: str | None = None, joints: Se
             case Damage():
                 damages.append(item)
             case Messages():
-                for number in np.unique(item.channels):
-                    channel = channels.get(int(number))
+                for number, messages in item.by_channel():
+                    channel = channels.get(number)
                     if channel is None or not _holds_joint_states(channel, schemas):
                         continue
-                    found = _blocks(item, item.channels == number, layouts)
+                    found = _blocks(messages, layouts)
                     good = blocks.setdefault(channel.topic, [])
                     good.extend(block for block in found if block is not None)
                     unreadable += sum(block is None for block in found)
@@ -110,12 +110,9 @@ def _holds_joint_states(channel: Any, schemas: dict[int, str]) -> bool:
     return channel.message_encoding == "cdr" and schemas.get(channel.schema_id) in joint_state.NAMES
 
 
-def _blocks(item: Any, mask: np.ndarray, layouts: list[joint_state.Layout]) -> list[Block | None]:
+def _blocks(messages: Any, layouts: list[joint_state.Layout]) -> list[Block | None]:
     """Decode messages of one length, a layout at a time; None for each one that can't be decoded."""
-    whole = bool(mask.all())
-    payloads, places, log_times = item.payloads, item.places, item.log_times
-    if not whole:
-        payloads, places, log_times = payloads[mask], places[mask], log_times[mask]
+    payloads, places, log_times = messages.payloads, messages.places, messages.log_times
     found: list[Block | None] = []
     for _ in range(_LAYOUTS_PER_RUN):
         if not len(payloads):

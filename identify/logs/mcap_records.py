@@ -30,6 +30,7 @@ MESSAGE_HEAD = 31
 _RECORD_HEAD = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LOOSE_BYTES = 1 << 20
+_STRIDE_GROWTH = 32
 _LARGEST_CHUNK = 1 << 30
 _KEPT: dict[int, type[McapRecord]] = {
     Opcode.SCHEMA: Schema,
@@ -46,10 +47,15 @@ class Messages:
     rows: np.ndarray
     places: np.ndarray
 
-    @property
-    def channels(self) -> np.ndarray:
-        """(k,) channel of every message."""
-        return self.rows[:, 9:11].view("<u2")[:, 0]
+    def by_channel(self) -> Iterator[tuple[int, Messages]]:
+        """The messages of one channel after the other, with its number."""
+        channels = self.rows[:, 9:11].view("<u2")[:, 0]
+        if (channels == channels[0]).all():
+            yield int(channels[0]), self
+            return
+        for number in np.unique(channels):
+            mine = channels == number
+            yield int(number), Messages(self.rows[mine], self.places[mine])
 
     @property
     def log_times(self) -> np.ndarray:
@@ -102,6 +108,7 @@ def records(path: Path) -> Iterator[Item]:
 def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
     decompress = _decompressors()
     loose = bytearray()
+    seen: set[bytes] = set()
     at = stream.tell()
     for number in itertools.count():
         head = stream.read(_RECORD_HEAD.size)
@@ -109,7 +116,7 @@ def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
         complete = opcode > 0 and length <= size - at - _RECORD_HEAD.size
         is_message = opcode == Opcode.MESSAGE and complete
         if loose and (not is_message or len(loose) > _LOOSE_BYTES):
-            yield from _split(bytes(loose), at, number)
+            yield from _split(bytes(loose), at, number, seen)
             loose.clear()
         if not complete:
             yield _end_of_file(stream, at, size, opcode, head)
@@ -119,7 +126,7 @@ def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
         if is_message:
             loose += head + stream.read(length)
         elif opcode == Opcode.CHUNK:
-            yield from _chunk(stream.read(length), at, number, decompress)
+            yield from _chunk(stream.read(length), at, number, decompress, seen)
         elif opcode in _KEPT:
             yield _record(opcode, stream.read(length), at)
         else:
@@ -141,7 +148,9 @@ def _end_of_file(stream: BinaryIO, at: int, size: int, opcode: int, head: bytes)
     return Damage(at, lost, "it ends inside a chunk", (start, stop), cut=True)
 
 
-def _chunk(body: bytes, at: int, number: int, decompress: dict[str, Callable[[bytes, int], bytes]]) -> Iterator[Item]:
+def _chunk(
+    body: bytes, at: int, number: int, decompress: dict[str, Callable[[bytes, int], bytes]], seen: set[bytes]
+) -> Iterator[Item]:
     """What a chunk record holds; Damage where it can't be unpacked or its checksum is wrong."""
     span = None
     try:
@@ -163,13 +172,14 @@ def _chunk(body: bytes, at: int, number: int, decompress: dict[str, Callable[[by
     except (struct.error, ValueError, RuntimeError, MemoryError) as error:
         yield Damage(at, len(body), f"a chunk can't be unpacked: {error}", span)
         return
-    yield from _split(content, at, number)
+    yield from _split(content, at, number, seen)
 
 
-def _split(content: bytes, at: int, number: int) -> Iterator[Item]:
+def _split(content: bytes, at: int, number: int, seen: set[bytes]) -> Iterator[Item]:
     """Records that lie one behind the other: schemas and channels, then the messages in groups of one length.
 
-    at: where the content begins in the file; number: how many records of the file come before it.
+    at: where the content begins in the file; number: how many records of the file come before it; seen: the
+    schemas and channels that have come already.
     """
     # length → runs (offset, count) of neighbours
     runs: dict[int, list[tuple[int, int]]] = {}
@@ -190,7 +200,11 @@ def _split(content: bytes, at: int, number: int) -> Iterator[Item]:
             here += step * count
             continue
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            yield _record(opcode, content[here + _RECORD_HEAD.size : here + step], at)
+            body = content[here + _RECORD_HEAD.size : here + step]
+            # Every chunk may repeat them, and reading one takes as long as many messages.
+            if body not in seen:
+                seen.add(body)
+                yield _record(opcode, body, at)
         here += step
     for step, pieces in runs.items():
         places = np.concatenate([start + step * np.arange(count) for start, count in pieces])
@@ -202,18 +216,17 @@ def _split(content: bytes, at: int, number: int) -> Iterator[Item]:
 
 
 def _neighbours(content: bytes, view: np.ndarray, start: int, step: int) -> int:
-    """How many message records of the same length follow one another from `start`, in doubling strides."""
+    """How many message records of the same length follow one another from `start`, in growing strides."""
     head = content[start : start + _RECORD_HEAD.size]
-    wanted = np.frombuffer(head, dtype=np.uint8)
     room = (len(content) - start) // step
     count = 1
     while count < room:
         here = start + count * step
         if content[here : here + _RECORD_HEAD.size] != head:
             break
-        stride = min(count, room - count)
-        heads = view[here : here + stride * step].reshape(stride, step)[:, : _RECORD_HEAD.size]
-        same = (heads == wanted).all(axis=1)
+        stride = min(_STRIDE_GROWTH * count, room - count)
+        rows = view[here : here + stride * step].reshape(stride, step)
+        same = (rows[:, 1:9].view("<u8")[:, 0] == step - _RECORD_HEAD.size) & (rows[:, 0] == Opcode.MESSAGE)
         if not same.all():
             return count + int(same.argmin())
         count += stride

@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import io
+import struct
+import zlib
+
 import numpy as np
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from log_files import NAMES, START_NS, make_log, message, payload_by_others, same
+from mcap import records
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
@@ -63,6 +71,48 @@ def test_chunks_lose_less_than_half_a_second_and_their_index_finds_any_time(tmp_
     assert all(64 * 1024 <= chunk.uncompressed_size <= 256 * 1024 for chunk in chunks[:-1])
     assert all(chunk.message_end_time - chunk.message_start_time < 0.5e9 for chunk in chunks)
     assert part == list(range(begin, end, 1_000_000))
+
+
+def test_every_index_points_at_what_it_says(tmp_path):
+    """Offsets, lengths and checksums, followed with the record classes of the mcap package."""
+    log = make_log(1200)
+    write_mcap(log, tmp_path / "a.mcap", {"robot.toml": b"x = 1"}, start_ns=START_NS)
+    data = (tmp_path / "a.mcap").read_bytes()
+
+    def body(offset: int, opcode: int) -> bytes:
+        found, length = struct.unpack_from("<BQ", data, offset)
+        assert found == opcode
+        return data[offset + 9 : offset + 9 + length]
+
+    def stream(content: bytes) -> ReadDataStream:
+        return ReadDataStream(io.BytesIO(content))
+
+    footer_at = len(data) - 8 - 29
+    footer = records.Footer.read(stream(body(footer_at, Opcode.FOOTER)))
+    # The specification: over the summary and the footer up to the checksum itself.
+    assert footer.summary_crc == zlib.crc32(data[footer.summary_start : footer_at + 25])
+    with open(tmp_path / "a.mcap", "rb") as file:
+        summary = make_reader(file).get_summary()
+    seen = 0
+    for entry in summary.chunk_indexes:
+        assert entry.chunk_length == 9 + len(body(entry.chunk_start_offset, Opcode.CHUNK))
+        chunk = records.Chunk.read(stream(body(entry.chunk_start_offset, Opcode.CHUNK)))
+        assert entry.compressed_size == len(chunk.data)
+        content = zstandard.decompress(chunk.data)
+        assert (len(content), zlib.crc32(content)) == (chunk.uncompressed_size, chunk.uncompressed_crc)
+        ((_, offset),) = entry.message_index_offsets.items()
+        index = records.MessageIndex.read(stream(body(offset, Opcode.MESSAGE_INDEX)))
+        for when, at in index.records:
+            opcode, length = struct.unpack_from("<BQ", content, at)
+            assert opcode == Opcode.MESSAGE
+            message = records.Message.read(stream(content[at + 9 : at + 9 + length]), length)
+            assert (message.log_time, message.sequence) == (when, seen)
+            seen += 1
+    assert seen == log.samples
+    (attachment,) = summary.attachment_indexes
+    assert len(body(attachment.offset, Opcode.ATTACHMENT)) == attachment.length - 9
+    (metadata,) = summary.metadata_indexes
+    assert len(body(metadata.offset, Opcode.METADATA)) == metadata.length - 9
 
 
 @settings(max_examples=60, deadline=None)

@@ -15,10 +15,11 @@ from identify.robot.robot import Limits
 
 
 def swing(samples: int = 4000, rate: float = 1000.0, rest: int = 1000) -> Log:
-    """Joints of amplitude 0.5 and 1.25 at 4 and 6 rad/s, which rest at the start; effort opposite in phase."""
+    """Joints of amplitude 0.5 and 1.25 at 4 and 6 rad/s; at the start the first rests and the second creeps."""
     time = np.arange(samples) / rate
     phase = np.maximum(time - rest / rate, 0)
     position = np.column_stack([0.5 * np.sin(4 * phase) + 0.1, 1.25 * (1 - np.cos(6 * phase))])
+    position[:, 1] -= 0.004 * np.minimum(time - rest / rate, 0)
     effort = np.column_stack([-8 * np.sin(4 * phase), 20 * np.cos(6 * phase)])
     return Log(time, position, None, effort, ("a", "b"), source="swing")
 
@@ -37,7 +38,9 @@ def test_facts_of_a_known_motion():
     assert b.max_speed == pytest.approx(7.5, rel=6e-3)
     assert (b.effort_min, b.effort_max) == pytest.approx((-20, 20), abs=1e-2)
     assert a.rest_share == pytest.approx(0.25, abs=0.01)
+    assert b.rest_share == pytest.approx(0.25, abs=0.01)
     assert a.repeated_share == pytest.approx(0.25, abs=0.01)
+    assert b.repeated_share == 0
     assert found.motion == pytest.approx(3.0, abs=0.05)
     assert found.findings == ()
     assert a.sparkline.startswith("▅▅▅▅▅▅▅")

@@ -28,10 +28,11 @@ def read_log(
 ) -> Log:
     """Read a recording: MCAP, or with a map CSV, TSV, NPZ or a folder of them.
 
-    map: what a table's columns mean, as a TOML file or a TableMap; a CSV that identify wrote needs none.
-    joints: the joints wanted, in this order; all of the log's where None. A robot's joints are best named
-    here, so that the faults of other joints cost no rows. topic: that of the joint states, by default
-    /joint_states. What was found wrong and what was done about it is in the log's findings.
+    map: what a table's columns mean, as a TOML file or a TableMap; a CSV that identify wrote needs none, and
+    takes its joints' names from `joints`. joints: the joints wanted, in this order; all of the log's where
+    None. A robot's joints are best named here, so that the faults of other joints cost no rows. topic: that of
+    the joint states, by default /joint_states. What was found wrong and what was done about it is in the
+    log's findings.
 
     Raises LogError, in one line, where the file is missing, empty, of another kind, holds no joint states,
     lacks a joint, or more than 5 % of its rows can't be used.
@@ -69,4 +70,4 @@ def _read(
         raise LogError(f"{path}: is not an MCAP file, nor a table by its suffix; logs may be MCAP, CSV, TSV or NPZ")
     from identify.logs.tables import read_table
 
-    return read_table(path, map)
+    return read_table(path, map, joints)

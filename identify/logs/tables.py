@@ -39,15 +39,19 @@ _UNREADABLE = (
 )
 
 
-def read_table(path: str | os.PathLike[str], map: str | os.PathLike[str] | TableMap | None = None) -> Log:
+def read_table(
+    path: str | os.PathLike[str],
+    map: str | os.PathLike[str] | TableMap | None = None,
+    joints: Sequence[str] | None = None,
+) -> Log:
     """Read a table, or a folder of tables, by its map (a TOML file or a TableMap).
 
-    A CSV with the header t,q1,…,[dq1,…],[tau1,…] needs no map: joint side, SI, joints joint_1, joint_2 …
-    Rows that can't be used become NaN and are counted in the findings; the log is not yet cleaned. Raises
-    LogError where the map and the table do not fit.
+    A CSV with the header t,q1,…,[dq1,…],[tau1,…] needs no map: joint side, SI. Its joints are named as
+    `joints` says where the number fits, else joint_1, joint_2 … Rows that can't be used become NaN and are
+    counted in the findings; the log is not yet cleaned. Raises LogError where the map and the table do not fit.
     """
     path = Path(path)
-    mapping = map if isinstance(map, TableMap) else _own_map(path) if map is None else load_map(map)
+    mapping = map if isinstance(map, TableMap) else _own_map(path, joints) if map is None else load_map(map)
     findings: list[str] = []
     columns = _columns(path, mapping, findings)
     time, position = columns.get("time"), columns["position"]
@@ -64,7 +68,7 @@ def read_table(path: str | os.PathLike[str], map: str | os.PathLike[str] | Table
     return Log(seconds, position, velocity, effort, mapping.joints, str(path), sha256, tuple(findings))
 
 
-def _own_map(path: Path) -> TableMap:
+def _own_map(path: Path, names: Sequence[str] | None) -> TableMap:
     """The map of a table in our own format; LogError for any other."""
     advice = f"{path}: a table needs a map that says what its columns mean; pass --map MAP.toml with, say: {EXAMPLE}"
     if path.is_dir() or zipfile.is_zipfile(path):
@@ -81,6 +85,9 @@ def _own_map(path: Path) -> TableMap:
     if position is None:
         raise LogError(advice)
     joints = tuple(f"joint_{j}" for j in range(1, n + 1))
+    # The same names in another order are a choice of columns, not new names.
+    if names is not None and len(names) == n and set(names) != set(joints):
+        joints = tuple(names)
     return TableMap(joints, position, velocity, effort, Signal(("t",), (1.0,)), offset=(0.0,) * n)
 
 

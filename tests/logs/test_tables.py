@@ -232,6 +232,10 @@ def test_our_own_csv_needs_no_map_and_keeps_every_bit(tmp_path, velocity, effort
     assert all(len(line.split(",")[0].split(".")[1]) >= 9 for line in lines[1:])
     back = read_log(tmp_path / "a.csv")
     assert back.joints == ("joint_1", "joint_2", "joint_3", "joint_4")
+    assert read_log(tmp_path / "a.csv", joints=log.joints).joints == log.joints
+    swapped = read_log(tmp_path / "a.csv", joints=["joint_2", "joint_1", "joint_4", "joint_3"])
+    assert same(swapped.position, log.position[:, [1, 0, 3, 2]])
+    assert same(read_log(tmp_path / "a.csv", joints=["joint_3", "joint_1"]).position, log.position[:, [2, 0]])
     for name in ("time", "position", "velocity", "effort"):
         assert same(getattr(back, name), getattr(log, name))
 

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from identify.robot.robot import Robot
 
 Sign = Callable[[np.ndarray], np.ndarray]
+
+OWN = ("Fv", "Fs", "off")
+"""Columns of every joint: viscous friction, Coulomb friction, offset [2.63]."""
+
+COUPLED = ("Iam", "Fvm", "Fsm")
+"""Columns of every coupled motor: inertia, viscous friction, Coulomb friction."""
+
+TURNING = {"Fv": "N·m·s/rad", "Fs": "N·m", "off": "N·m", "Iam": "kg·m²", "Fvm": "N·m·s/rad", "Fsm": "N·m"}
+SLIDING = {"Fv": "N·s/m", "Fs": "N", "off": "N", "Iam": "kg", "Fvm": "N·s/m", "Fsm": "N"}
 
 
 def smooth_sign(velocity: float) -> Sign:
@@ -18,70 +28,106 @@ def smooth_sign(velocity: float) -> Sign:
 
 
 @dataclass(frozen=True)
+class Column:
+    """One column: its kind, the index of its joint or motor, and for a coupled motor k its ratios (n,).
+
+    The motor turns at ṁ = ratios·q̇ in units of joint k, so that ratios[k] = 1.
+    """
+
+    kind: str
+    index: int
+    ratios: tuple[float, ...] = ()
+
+    @property
+    def name(self) -> str:
+        return f"{self.kind}{self.index + 1}"
+
+
+@dataclass(frozen=True)
 class JointColumns:
     """Fv, Fs and offset of each joint, then Iam, Fvm and Fsm of each coupled motor.
 
-    A coupled motor k turns at ṁ = ρ·q̇ in units of joint k. Of its inertia, ½ Iam ṁ², and viscous friction,
-    what falls on single joints is already in their Ia and Fv; the columns hold the cross terms. Its Coulomb
-    friction adds ρᵀ·sign(ṁ).
+    Of a coupled motor's inertia, ½ Iam ṁ², and viscous friction, Fvm ṁ², what falls on single joints is already in
+    their Ia and Fv: the columns hold the cross terms. Its Coulomb friction adds ratiosᵀ·sign(ṁ), whole.
     """
 
-    joints: int
+    columns: tuple[Column, ...]
     revolute: tuple[bool, ...]
-    couplings: tuple[tuple[int, tuple[float, ...]], ...]
 
     @staticmethod
     def of(robot: Robot) -> JointColumns:
-        return JointColumns(robot.n, tuple(j.revolute for j in robot.joints), robot.couplings)
+        own = (Column(kind, j) for j in range(robot.n) for kind in OWN)
+        coupled = (Column(kind, k, ratios) for k, ratios in robot.couplings for kind in COUPLED)
+        return JointColumns((*own, *coupled), tuple(joint.revolute for joint in robot.joints))
+
+    def without(self, names: Collection[str]) -> JointColumns:
+        """The same, less the columns of these names."""
+        return replace(self, columns=tuple(column for column in self.columns if column.name not in names))
 
     @property
     def names(self) -> tuple[str, ...]:
-        own = [f"{c}{j + 1}" for j in range(self.joints) for c in ("Fv", "Fs", "off")]
-        return (*own, *(f"{c}{k + 1}" for k, _ in self.couplings for c in ("Iam", "Fvm", "Fsm")))
+        return tuple(column.name for column in self.columns)
 
     @property
     def units(self) -> tuple[str, ...]:
-        turning = ("N·m·s/rad", "N·m", "N·m")
-        sliding = ("N·s/m", "N", "N")
-        own = [unit for revolute in self.revolute for unit in (turning if revolute else sliding)]
-        coupled = [
-            u
-            for k, _ in self.couplings
-            for u in (("kg·m²", *turning[:2]) if self.revolute[k] else ("kg", *sliding[:2]))
-        ]
-        return (*own, *coupled)
+        return tuple((TURNING if self.revolute[column.index] else SLIDING)[column.kind] for column in self.columns)
 
     def torque(self, out: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> None:
         """Fill out (N, n, len(names)) from dq and ddq (N, n)."""
         out[...] = 0.0
-        joints = np.arange(self.joints)
-        out[:, joints, 3 * joints] = dq
-        out[:, joints, 3 * joints + 1] = sign(dq)
-        out[:, joints, 3 * joints + 2] = 1.0
-        for at, (_, ratios) in zip(range(3 * self.joints, out.shape[2], 3), self.couplings, strict=True):
-            rho = np.array(ratios)
-            for column, x in ((at, ddq), (at + 1, dq)):
-                out[:, :, column] = (x @ rho)[:, None] * rho - x * rho**2
-            out[:, :, at + 2] = sign(dq @ rho)[:, None] * rho
+        for at, (rows, values) in enumerate(self._entries(dq, ddq, sign)):
+            out[:, rows, at] = values
 
-    def energy(self, dq: np.ndarray) -> np.ndarray:
-        """(N, len(names)) stored energy: the cross terms of coupled motors' inertia, zero elsewhere."""
-        out = np.zeros((len(dq), len(self.names)))
-        for at, (_, ratios) in zip(range(3 * self.joints, out.shape[1], 3), self.couplings, strict=True):
-            rho = np.array(ratios)
-            out[:, at] = 0.5 * ((dq @ rho) ** 2 - dq**2 @ rho**2)
-        return out
+    def add_effort(self, out: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray, sign: Sign) -> None:
+        """Add the columns times theta (len(names),) to the effort out (N, n)."""
+        for factor, (rows, values) in zip(theta, self._entries(dq, ddq, sign), strict=True):
+            out[:, rows] += factor * values
 
-    def power(self, dq: np.ndarray, sign: Sign) -> np.ndarray:
-        """(N, len(names)) power q̇ᵀΓ that friction and offset take per unit of each parameter, zero for inertias."""
-        out = np.zeros((len(dq), len(self.names)))
-        own = 3 * self.joints
-        out[:, 0:own:3] = dq**2
-        out[:, 1:own:3] = dq * sign(dq)
-        out[:, 2:own:3] = dq
-        for at, (_, ratios) in zip(range(own, out.shape[1], 3), self.couplings, strict=True):
-            rho = np.array(ratios)
-            motor = dq @ rho
-            out[:, at + 1] = motor**2 - dq**2 @ rho**2
-            out[:, at + 2] = motor * sign(motor)
-        return out
+    def _entries(self, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> Iterator[tuple[Any, Any]]:
+        """Of each column in turn: the joints it acts on, and its values there."""
+        for column in self.columns:
+            j, rho = column.index, np.array(column.ratios)
+            match column.kind:
+                case "Fv":
+                    yield j, dq[:, j]
+                case "Fs":
+                    yield j, sign(dq[:, j])
+                case "off":
+                    yield j, 1.0
+                case "Iam":
+                    yield slice(None), _cross_terms(ddq, rho)
+                case "Fvm":
+                    yield slice(None), _cross_terms(dq, rho)
+                case "Fsm":
+                    yield slice(None), sign(dq @ rho)[:, None] * rho
+
+    def energy(self, out: np.ndarray, dq: np.ndarray) -> None:
+        """Fill out (N, len(names)) with stored energy: the cross terms of coupled motors' inertia, zero elsewhere."""
+        out[...] = 0.0
+        for at, column in enumerate(self.columns):
+            if column.kind == "Iam":
+                out[:, at] = 0.5 * (dq * _cross_terms(dq, np.array(column.ratios))).sum(axis=1)
+
+    def power(self, out: np.ndarray, dq: np.ndarray, sign: Sign) -> None:
+        """Fill out (N, len(names)) with the power q̇ᵀΓ that friction and offset take per unit of each parameter,
+        zero for inertias."""
+        for at, column in enumerate(self.columns):
+            j, rho = column.index, np.array(column.ratios)
+            match column.kind:
+                case "Fv":
+                    out[:, at] = dq[:, j] ** 2
+                case "Fs":
+                    out[:, at] = dq[:, j] * sign(dq[:, j])
+                case "off":
+                    out[:, at] = dq[:, j]
+                case "Iam":
+                    out[:, at] = 0.0
+                case "Fvm":
+                    out[:, at] = (dq * _cross_terms(dq, rho)).sum(axis=1)
+                case "Fsm":
+                    out[:, at] = dq @ rho * sign(dq @ rho)
+
+
+def _cross_terms(x: np.ndarray, rho: np.ndarray) -> np.ndarray:
+    """(N, n) ratiosᵀ·(ratios·x) without each joint's own share, for x (N, n)."""
+    return (x @ rho)[:, None] * rho - x * rho**2

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
-from identify.regressor.columns import JointColumns, Sign
-from identify.robot.robot import Robot
+from identify.regressor.columns import COUPLED, JointColumns, Sign
+from identify.regressor.dependence import dependent_columns
+from identify.robot.robot import Drive, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
-from identify.symbolic.newton_euler import torque_regressor
-from identify.symbolic.printing import compiled
+from identify.symbolic.newton_euler import direct_torque, torque_regressor
+from identify.symbolic.printing import Block, compiled
 
-BLOCK = 512
-"""Samples worked on at a time: small enough for the cache, large enough to hide NumPy's overhead."""
+BLOCK = 1024
+"""Samples worked on at a time: 2 MB of intermediate values for six axes, enough to hide NumPy's overhead."""
 
 
 class Regressor:
@@ -25,14 +27,16 @@ class Regressor:
     friction=False the base parameters alone. `units` (p,). All arrays are on the joint side, SI, in the robot's
     joint order; q, dq, ddq are (n,) for one sample or (N, n) for many. Nothing beyond the result and one block
     of samples is held in memory.
+
+    `dropped` {column: {kept column: factor}}: columns left out because they are combinations of others: the inertia
+    of a motor coupled to two parallel axes, say, or the offset of a vertical sliding joint, whose mass and actuator
+    inertia make the same constant force. A kept column's parameter then holds factor × the dropped one besides its
+    own.
     """
 
     def __init__(self, robot: Robot, friction: bool = True) -> None:
         self.robot = robot
         self.base = base_parameters(robot)
-        self.extra = JointColumns.of(robot) if friction else None
-        self.names: tuple[str, ...] = self.base.names + (self.extra.names if self.extra else ())
-        self.units: tuple[str, ...] = self.base.units + (self.extra.units if self.extra else ())
         n, kept = robot.n, self.base.kept
         graph = Graph()
         entries = torque_regressor(graph, robot, kept)
@@ -40,29 +44,56 @@ class Regressor:
         self._torque = _Kernel(graph, {(i, column[c]): e for (i, c), e in entries.items()}, n, ("q", "dq", "ddq"))
         energies = energy_regressor(graph, robot)
         self._energy = _Kernel(graph, {(0, at): energies[c] for at, c in enumerate(kept)}, n, ("q", "dq"))
+        self.extra = JointColumns.of(robot) if friction else None
+        self.dropped: dict[str, dict[str, float]] = {}
+        if self.extra:
+            candidates = [column.name for column in self.extra.columns if column.kind in ("off", *COUPLED)]
+            self.dropped = dependent_columns(self._random_samples(), self.names, candidates)
+            self.extra = self.extra.without(self.dropped)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """(p,) names of the columns."""
+        return self.base.names + self._extra_names
+
+    @property
+    def _extra_names(self) -> tuple[str, ...]:
+        return self.extra.names if self.extra else ()
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """(p,) units of the parameters."""
+        return self.base.units + (self.extra.units if self.extra else ())
 
     @property
     def p(self) -> int:
         """Number of columns."""
         return len(self.names)
 
+    @property
+    def parameters(self) -> np.ndarray:
+        """(p,) θ as the robot's description states it: links and drives, no inertia or friction of coupled motors."""
+        drives = {f"{c}{j + 1}": x for j, joint in enumerate(self.robot.joints) for c, x in _friction(joint.drive)}
+        theta = np.array([*(self.base.matrix @ self.robot.standard), *(drives.get(k, 0.0) for k in self._extra_names)])
+        for name, factors in self.dropped.items():
+            for kept, factor in factors.items():
+                theta[self.names.index(kept)] += factor * drives.get(name, 0.0)
+        return theta
+
     def torque(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, out: np.ndarray | None = None, sign: Sign = np.sign
     ) -> np.ndarray:
         """Torque regressor Y: (n, p) for one sample, (N, n, p) for many.
 
-        `out` takes the result without allocating it; `sign` is the Coulomb columns' function of the velocity,
-        exact by default (sign(0) = 0).
+        `out` takes the result without allocating it: a float array of that shape, contiguous or not. `sign` is the
+        Coulomb columns' function of the velocity, exact by default (sign(0) = 0).
         """
         q, dq, ddq, single = _samples(self.robot.n, q, dq, ddq)
-        shape = (len(q), self.robot.n, self.p)
-        full = np.empty(shape) if out is None else out.reshape(shape)
-        inertial = len(self.base.names)
-        full[:, :, :inertial] = 0.0
-        for rows, values in self._torque.blocks(q, dq, ddq):
-            full[rows, self._torque.row, self._torque.column] = values.T
-        if self.extra:
-            self.extra.torque(full[:, :, inertial:], dq, ddq, sign)
+        full = _destination(out, (len(q), self.robot.n, self.p), single)
+        evaluate = self._torque.workspace(len(q))
+        for rows in _blocks(len(q)):
+            values = evaluate(q[rows], dq[rows], ddq[rows])
+            self._fill(full[rows], values, dq[rows], ddq[rows], sign)
         return full[0] if single and out is None else full if out is None else out
 
     def energy(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -72,55 +103,97 @@ class Regressor:
         """
         q, dq, single = _samples(self.robot.n, q, dq)
         full = np.zeros((len(q), self.p))
-        for rows, values in self._energy.blocks(q, dq):
-            full[rows, self._energy.column] = values.T
-        if self.extra:
-            full[:, len(self.base.names) :] = self.extra.energy(dq)
+        inertial = len(self.base.names)
+        evaluate = self._energy.workspace(len(q))
+        for rows in _blocks(len(q)):
+            full[rows, self._energy.column] = evaluate(q[rows], dq[rows]).T
+            if self.extra:
+                self.extra.energy(full[rows, inertial:], dq[rows])
         return full[0] if single else full
 
     def power(self, dq: np.ndarray, sign: Sign = np.sign) -> np.ndarray:
-        """Power q̇ᵀΓ per unit of each friction and offset parameter, zero for inertial ones: (N, p) from dq (N, n)."""
+        """Power q̇ᵀΓ [W] per unit of each friction and offset parameter, zero for inertial ones: (p,) or (N, p).
+
+        q̇ᵀΓ = d(energy·θ)/dt + power·θ.
+        """
+        dq, single = _samples(self.robot.n, dq)
         full = np.zeros((len(dq), self.p))
         if self.extra:
-            full[:, len(self.base.names) :] = self.extra.power(dq, sign)
-        return full
+            for rows in _blocks(len(dq)):
+                self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign)
+        return full[0] if single else full
 
-    def slotine_li(self, q: np.ndarray, dq: np.ndarray, dq_ref: np.ndarray, ddq_ref: np.ndarray) -> np.ndarray:
+    def slotine_li(
+        self, q: np.ndarray, dq: np.ndarray, dq_ref: np.ndarray, ddq_ref: np.ndarray, sign: Sign = np.sign
+    ) -> np.ndarray:
         """(n, p) or (N, n, p): A(q)·q̈_ref + C(q,q̇)·q̇_ref + Q(q) = Ys·θ, C by Christoffel symbols, friction at q̇.
 
         The Christoffel form is the symmetric bilinear form of the quadratic C(q,u)·u, so that polarisation gives
         it: C(q,u)·v = ¼ [C(q,u+v)·(u+v) − C(q,u−v)·(u−v)] (Slotine & Li 1987).
         """
         q, dq, dq_ref, ddq_ref, single = _samples(self.robot.n, q, dq, dq_ref, ddq_ref)
-        still = np.zeros_like(q)
-        full = self.torque(q, still, ddq_ref)
-        inertial = len(self.base.names)
-        full[:, :, :inertial] += 0.25 * (
-            self.torque(q, dq + dq_ref, still)[:, :, :inertial] - self.torque(q, dq - dq_ref, still)[:, :, :inertial]
-        )
-        if self.extra:
-            self.extra.torque(full[:, :, inertial:], dq, ddq_ref, np.sign)
+        full = _destination(None, (len(q), self.robot.n, self.p), single)
+        evaluate = self._torque.workspace(len(q))
+        for rows in _blocks(len(q)):
+            here, u, v = q[rows], dq[rows], dq_ref[rows]
+            still = np.zeros_like(here)
+            values = evaluate(here, still, ddq_ref[rows]).copy()
+            values += 0.25 * evaluate(here, u + v, still)
+            values -= 0.25 * evaluate(here, u - v, still)
+            self._fill(full[rows], values, u, ddq_ref[rows], sign)
         return full[0] if single else full
 
     def inverse_dynamics(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray, sign: Sign = np.sign
     ) -> np.ndarray:
-        """Joint effort Γ = Y·θ without storing Y: (n,) for one sample, (N, n) for many; theta (p,) in the order of names."""
+        """Joint effort Γ = Y·θ without storing Y: (n,) for one sample, (N, n) for many.
+
+        theta (p,) in the order of `names`.
+        """
         q, dq, ddq, single = _samples(self.robot.n, q, dq, ddq)
         theta = np.asarray(theta, dtype=float)
         if theta.shape != (self.p,):
             raise ValueError(f"theta has shape {theta.shape}; expected ({self.p},), in the order of Regressor.names")
         inertial = len(self.base.names)
-        weights = np.zeros((self.robot.n, len(self._torque.row)))
-        weights[self._torque.row, np.arange(len(self._torque.row))] = theta[self._torque.column]
+        function, work_rows = self._inverse_dynamics
         effort = np.empty((len(q), self.robot.n))
-        for rows, values in self._torque.blocks(q, dq, ddq):
-            effort[rows] = (weights @ values).T
+        work, out = (np.empty((count, min(BLOCK, len(q)))) for count in (work_rows, self.robot.n))
+        for rows in _blocks(len(q)):
+            m = rows.stop - rows.start
+            signals = np.concatenate([q[rows].T, dq[rows].T, ddq[rows].T])
+            function((*signals, *theta[:inertial]), out[:, :m], work[:, :m])
+            effort[rows] = out[:, :m].T
             if self.extra:
-                block = np.empty((values.shape[1], self.robot.n, self.p - inertial))
-                self.extra.torque(block, dq[rows], ddq[rows], sign)
-                effort[rows] += block @ theta[inertial:]
+                self.extra.add_effort(effort[rows], dq[rows], ddq[rows], theta[inertial:], sign)
         return effort[0] if single else effort
+
+    @cached_property
+    def _inverse_dynamics(self) -> tuple[Block, int]:
+        """Generated code of the backward recurrence with the base parameters for the standard ones, the rest zero."""
+        n = self.robot.n
+        graph = Graph()
+        standard: list[Scalar] = [0] * (11 * n)
+        for c in self.base.kept:
+            standard[c] = graph.symbol(f"K{c}")
+        outputs = [graph.constant(0) + x for x in direct_torque(graph, self.robot, standard)]
+        inputs = [f"{prefix}{j + 1}" for prefix in ("q", "dq", "ddq") for j in range(n)]
+        inputs += [f"K{c}" for c in self.base.kept]
+        return compiled("inverse_dynamics", {name: row for row, name in enumerate(inputs)}, outputs)
+
+    def _fill(self, full: np.ndarray, values: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> None:
+        """Put a block's entries (entries, m) and its friction columns where they belong in full (m, n, p)."""
+        inertial = len(self.base.names)
+        full[:, :, :inertial] = 0.0
+        full[:, self._torque.row, self._torque.column] = values.T
+        if self.extra:
+            self.extra.torque(full[:, :, inertial:], dq, ddq, sign)
+
+    def _random_samples(self) -> np.ndarray:
+        """(rows, p) of the torque regressor at random states, twice as many rows as columns at least."""
+        n, count = self.robot.n, 2 * self.p // self.robot.n + 10
+        q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, count, n))
+        turn = np.array([np.pi if joint.revolute else 1.0 for joint in self.robot.joints])
+        return self.torque(turn * q, 2 * dq, 3 * ddq).reshape(count * n, self.p)
 
 
 class _Kernel:
@@ -135,20 +208,33 @@ class _Kernel:
         self.row = np.array([i for i, _ in live], dtype=int)
         self.column = np.array([k for _, k in live], dtype=int)
         names = {f"{prefix}{j + 1}": i * n + j for i, prefix in enumerate(inputs) for j in range(n)}
-        self.function: Callable
+        self.inputs = len(names)
         self.function, self.work = compiled("regressor", names, list(live.values()))
 
-    def blocks(self, *signals: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
-        """Sample ranges, and the entries' values (entries, samples) there, in a buffer that is used again."""
-        size = min(BLOCK, len(signals[0]))
-        x = np.empty((sum(s.shape[1] for s in signals), size))
-        out, work = np.empty((len(self.row), size)), np.empty((self.work, size))
-        for start in range(0, len(signals[0]), BLOCK):
-            rows = slice(start, min(start + BLOCK, len(signals[0])))
-            m = rows.stop - start
-            np.concatenate([s[rows].T for s in signals], out=x[:, :m])
+    def workspace(self, samples: int) -> Callable[..., np.ndarray]:
+        """A function of signals (m, n) each, m ≤ min(samples, BLOCK), that returns the entries' values (entries, m).
+
+        They lie in a buffer that its next call uses again.
+        """
+        size = min(BLOCK, samples)
+        x, out, work = (np.empty((rows, size)) for rows in (self.inputs, len(self.row), self.work))
+
+        def evaluate(*signals: np.ndarray) -> np.ndarray:
+            m = len(signals[0])
+            np.concatenate([signal.T for signal in signals], out=x[:, :m])
             self.function(x[:, :m], out[:, :m], work[:, :m])
-            yield rows, out[:, :m]
+            return out[:, :m]
+
+        return evaluate
+
+
+def _friction(drive: Drive) -> tuple[tuple[str, float], ...]:
+    return ("Fv", drive.viscous), ("Fs", drive.coulomb), ("off", drive.offset)
+
+
+def _blocks(samples: int) -> Iterator[slice]:
+    """Consecutive ranges of at most BLOCK samples."""
+    return (slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK))
 
 
 def _samples(n: int, *signals: np.ndarray) -> tuple:
@@ -158,3 +244,13 @@ def _samples(n: int, *signals: np.ndarray) -> tuple:
         shapes = ", ".join(str(a.shape) for a in arrays)
         raise ValueError(f"arrays of shapes {shapes}; expected ({n},) or (N, {n}), all alike")
     return (*(np.atleast_2d(a) for a in arrays), arrays[0].ndim == 1)
+
+
+def _destination(out: np.ndarray | None, shape: tuple[int, int, int], single: bool) -> np.ndarray:
+    """The array (N, n, p) to fill: a new one, or a view of `out`, which must have the result's shape and be float."""
+    if out is None:
+        return np.empty(shape)
+    expected = shape[1:] if single else shape
+    if out.shape != expected or out.dtype != np.float64:
+        raise ValueError(f"out is {out.dtype} of shape {out.shape}; expected float64 of shape {expected}")
+    return out[None] if single else out

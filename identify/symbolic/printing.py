@@ -10,14 +10,15 @@ from identify.symbolic.expression import Expression, arguments, reachable
 
 UFUNCS = {"add": "add", "sub": "subtract", "mul": "multiply", "neg": "negative", "cos": "cos", "sin": "sin"}
 
-Block = Callable[[np.ndarray, np.ndarray, np.ndarray], None]
+Block = Callable[[Sequence[np.ndarray | float] | np.ndarray, np.ndarray, np.ndarray], None]
 
 
 def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[str, int]:
     """Source of `name(x, out, work)` and the number of work rows it needs.
 
     x (len(inputs), N) and out (len(outputs), N) hold one variable a row; `inputs` maps symbol names to rows of
-    x. Intermediate rows of `work` (rows, N) are used again once their last reader is done.
+    x. Where a symbol has one value for all samples, its row may be a number. Intermediate rows of `work` (rows, N)
+    are used again once their last reader is done.
     """
     if not outputs:
         return f"def {name}(x, out, work):\n    pass\n", 0

@@ -1,0 +1,99 @@
+"""The observation matrix of the energy model: ∫ q̇ᵀΓ dt = Δh·K + what friction takes (Gautier & Khalil 1988).
+
+One row a window, windows side by side. No acceleration is needed, and a joint at rest does no work, so that its unknown
+friction at rest stays outside by itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.estimation.least_squares import Estimate, rows_per_effective_sample, scaled_solution
+from identify.estimation.observation import END_S, Signals, signals
+from identify.estimation.settings import Settings
+from identify.logs.log import Log
+from identify.regressor.regressor import Regressor
+
+
+@dataclass(frozen=True)
+class EnergyObservation:
+    """Rows of ∫ q̇ᵀΓ dt = W·θ: matrix (rows, p) and work (rows,) [J]; action (rows, n) ∫ q̇_j² dt, which is what a
+    torque noise's variance is multiplied by; rate [Hz] of the rows; names (p,)."""
+
+    matrix: np.ndarray
+    work: np.ndarray
+    action: np.ndarray
+    rate: float
+    names: tuple[str, ...]
+
+
+def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> EnergyObservation:
+    """The log's energy rows over windows of settings.window_s, which do not overlap."""
+    assert settings.window_s is not None
+    s = signals(log, settings)
+    width = max(1, round(settings.window_s * s.rate))
+    first = round(END_S * s.rate)
+    windows = (len(s.time) - 2 * first - 1) // width
+    edges = first + width * np.arange(windows + 1)
+    matrix = np.diff(regressor.energy(s.q[edges], s.dq[edges]), axis=0)
+    taken = _integrals(regressor.power(s.dq), s, edges)
+    work = _integrals((s.dq * s.effort).sum(axis=1, keepdims=True), s, edges)[:, 0]
+    return EnergyObservation(matrix + taken, work, _integrals(s.dq**2, s, edges), s.rate / width, regressor.names)
+
+
+def stacked_energy(observations: list[EnergyObservation]) -> EnergyObservation:
+    """The rows of several logs as one observation."""
+    return EnergyObservation(
+        np.concatenate([o.matrix for o in observations]),
+        np.concatenate([o.work for o in observations]),
+        np.concatenate([o.action for o in observations]),
+        observations[0].rate,
+        observations[0].names,
+    )
+
+
+def energy_least_squares(observation: EnergyObservation, passes: int = 3) -> Estimate:
+    """Weighted least squares over the windows: a row's variance is c0 + Σ_j c_j ∫ q̇_j² dt, with c ≥ 0 fitted to the
+    squared residuals of the pass before (feasible generalised least squares)."""
+    from scipy.optimize import nnls
+
+    w, y = observation.matrix, observation.work
+    rows, p = w.shape
+    variance = np.ones(rows)
+    explain = np.column_stack([np.full(rows, observation.action.mean() or 1.0), observation.action])
+    for _ in range(passes + 1):
+        root = np.sqrt(variance)
+        inverse, condition, parameters = scaled_solution(w / root[:, None], y / root, observation.names)
+        residual = y - w @ parameters
+        floor = 1e-3 * np.mean(residual**2)
+        coefficients, _ = nnls(explain / variance[:, None], residual**2 / variance)
+        variance_next = np.maximum(explain @ coefficients, max(floor, 1e-300))
+        whitened = residual / root
+        variance = variance_next
+    spread = np.sqrt(whitened @ whitened / max(rows - p, 1))
+    inflation = rows_per_effective_sample(whitened, observation.rate)
+    covariance = inverse * spread**2 * inflation
+    return Estimate(
+        names=observation.names,
+        parameters=parameters,
+        std=np.sqrt(np.diag(covariance)),
+        covariance=covariance,
+        condition_number=condition,
+        sigma=np.array([np.sqrt(np.mean(residual**2))]),
+        inflation=np.array([inflation]),
+        rows=rows,
+        effective_samples=rows / inflation,
+    )
+
+
+def energy_residual_percent(observation: EnergyObservation, parameters: np.ndarray) -> float:
+    """100·‖work − W·θ‖ / ‖work‖ over the windows [%]."""
+    return float(100 * np.linalg.norm(observation.work - observation.matrix @ parameters) / np.linalg.norm(observation.work))
+
+
+def _integrals(rate_of: np.ndarray, s: Signals, edges: np.ndarray) -> np.ndarray:
+    """(windows, c) integrals of (N, c) between consecutive edges, by the trapezoidal rule."""
+    running = np.concatenate([np.zeros((1, rate_of.shape[1])), np.cumsum(rate_of[1:] + rate_of[:-1], axis=0)])
+    return np.diff(running[edges], axis=0) / (2 * s.rate)

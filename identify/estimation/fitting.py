@@ -1,0 +1,113 @@
+"""From logs to estimates: both models on the same logs, with the settings chosen inside them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from identify.errors import InputError, UnsupportedLogError
+from identify.estimation.energy import (
+    energy_least_squares,
+    energy_observation,
+    energy_residual_percent,
+    stacked_energy,
+)
+from identify.estimation.least_squares import Estimate, ordinary_least_squares, weighted_least_squares
+from identify.estimation.observation import stacked, torque_observation
+from identify.estimation.selection import choose_settings, choose_window
+from identify.estimation.settings import Settings
+from identify.logs.log import Log
+from identify.regressor.regressor import Regressor
+
+MODELS = ("torque", "energy")
+ESTIMATORS = {"ols": "ordinary least squares", "wls": "weighted least squares, one noise level a joint"}
+DEFAULT_ESTIMATOR = "wls"
+ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
+
+Progress = Callable[[float, str], None] | None
+
+
+@dataclass(frozen=True)
+class ModelFit:
+    """One model's estimate, the settings it was made with, what it is called, and for energy its residual [%]."""
+
+    model: str
+    estimate: Estimate
+    settings: Settings
+    estimator: str
+    energy_residual_percent: float | None = None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Both models on the same logs; one may be missing, and then `reasons` says why. `tried`: candidate settings."""
+
+    torque: ModelFit | None
+    energy: ModelFit | None
+    reasons: dict[str, str]
+    tried: list[dict[str, Any]]
+
+
+def check_choice(model: str, estimator: str | None) -> None:
+    """InputError for a model or estimator that there is not."""
+    if model not in MODELS:
+        raise InputError(f"model is {model!r}; choose one of {', '.join(MODELS)}")
+    if estimator is not None and estimator not in ESTIMATORS:
+        raise InputError(f"estimator is {estimator!r}; choose one of {', '.join(ESTIMATORS)}")
+
+
+def fit_models(
+    regressor: Regressor, logs: Sequence[Log], model: str, estimator: str | None = None, progress: Progress = None
+) -> Fit:
+    """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs."""
+    reasons: dict[str, str] = {}
+    settings, tried = choose_settings(regressor, logs, progress=progress)
+    torque = energy = None
+    try:
+        torque = fit_torque(regressor, logs, settings, estimator or DEFAULT_ESTIMATOR)
+    except UnsupportedLogError as error:
+        if model == "torque":
+            raise
+        reasons["torque"] = str(error)
+    if progress:
+        progress(0.95, "energy model")
+    try:
+        energy, windows = fit_energy(regressor, logs, settings)
+        tried = tried + windows
+    except UnsupportedLogError as error:
+        if model == "energy":
+            raise
+        reasons["energy"] = str(error)
+    return Fit(torque, energy, reasons, tried)
+
+
+def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, estimator: str) -> ModelFit:
+    """The torque model with given settings."""
+    observation = stacked([torque_observation(regressor, log, settings) for log in logs])
+    solve = {"ols": ordinary_least_squares, "wls": weighted_least_squares}[estimator]
+    return ModelFit("torque", solve(observation), settings, ESTIMATORS[estimator])
+
+
+def fit_energy(
+    regressor: Regressor, logs: Sequence[Log], settings: Settings
+) -> tuple[ModelFit, list[dict[str, Any]]]:
+    """The energy model, its window chosen on the training logs; and the windows tried."""
+    chosen, tried = choose_window(regressor, logs, replace(settings, coulomb_velocity=None))
+    observation = stacked_energy([energy_observation(regressor, log, chosen) for log in logs])
+    estimate = energy_least_squares(observation)
+    residual = energy_residual_percent(observation, estimate.parameters)
+    return ModelFit("energy", estimate, chosen, ENERGY_ESTIMATOR, residual), tried
+
+
+def agreement(torque: Estimate, energy: Estimate) -> dict[str, Any]:
+    """How far the two models' estimates are apart, in standard deviations of their difference."""
+    z = np.abs(torque.parameters - energy.parameters) / np.hypot(torque.std, energy.std)
+    worst = int(z.argmax())
+    return {
+        "largest_z": float(z[worst]),
+        "name": torque.names[worst],
+        "within_2_sigma_percent": float(100 * (z <= 2).mean()),
+    }

@@ -1,0 +1,169 @@
+"""What was learnt: parameters, their uncertainty, and the record of how they came about."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from identify.errors import InputError, OutputError
+from identify.estimation.motion import motion_of
+from identify.estimation.settings import Settings
+from identify.logs.log import Log
+from identify.logs.slicing import select
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+
+FORMAT = "identify/parameters/1"
+RECORD, CURVES, ROBOT = "parameters.json", "curves.npz", "robot.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of a fit.
+
+    names (p,) base parameters, then per joint Fv, Fs, offset, then transmission columns; parameters, std (p,) and
+    covariance (p, p) in that order, SI. `record` is parameters.json as a table, `curves` the arrays that figures need.
+    """
+
+    robot: Robot
+    names: tuple[str, ...]
+    parameters: np.ndarray
+    std: np.ndarray
+    covariance: np.ndarray
+    record: dict[str, Any]
+    curves: dict[str, np.ndarray]
+
+    @property
+    def settings(self) -> Settings:
+        """How logs were, and for predictions are, processed."""
+        return Settings.from_dict(self.record["settings"])
+
+    def predict(self, log: Log) -> np.ndarray:
+        """(N, n) joint effort [N·m or N] at the log's samples, from its positions alone; n in the robot's joint order."""
+        log = select(log, self.robot.joint_names)
+        return predicted_effort(Regressor(self.robot), log, self.parameters, self.settings)
+
+    def summary(self) -> str:
+        """A page of text: verdict, residuals per joint, parameters with their standard deviations."""
+        from identify.estimation.summary import summary
+
+        return summary(self.record)
+
+    def save(self, folder: str | os.PathLike[str], force: bool = False) -> Path:
+        """Write the result folder, whole or not at all: parameters.json, curves.npz, robot.toml.
+
+        OutputError if it exists and force is not set.
+        """
+        return save_folder(self.record, self.curves, self.robot, folder, force)
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike[str]) -> Identification:
+        """Read a result folder. InputError, in one line, where it is none, is damaged, or holds no parameters."""
+        from identify.robot.toml import read_toml
+
+        folder = Path(folder)
+        record, curves = load_folder(folder)
+        if record["verdict"]["status"] == "reject" or not record.get("names"):
+            raise InputError(f"{folder}: the log was refused, so there are no parameters; see {folder / RECORD}")
+        try:
+            values = [b["estimate"] for b in record["base_parameters"]]
+            values += [f[k]["estimate"] for f in record["friction"] for k in ("viscous", "coulomb", "offset")]
+            values += [t["estimate"] for t in record["transmission"]]
+            covariance = np.array(record["covariance"], dtype=float)
+            parameters = np.array(values, dtype=float)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{folder / RECORD}: {error!r} is missing or no number; fit again") from error
+        names = tuple(record["names"])
+        if covariance.shape != (len(names), len(names)) or parameters.shape != (len(names),):
+            raise InputError(f"{folder / RECORD}: parameters and covariance do not have the size of names; fit again")
+        robot = read_toml(folder / ROBOT, source=str(record["robot"]["source"]))
+        return cls(robot, names, parameters, np.sqrt(np.diag(covariance)), covariance, record, curves)
+
+
+def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
+    """(N, n) effort of the parameters at the log's samples, position low-passed and differentiated as for the fit."""
+    motion = motion_of(log, settings.position_cutoff_hz)
+    effort = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign)
+    if np.array_equal(motion.time, log.time):
+        return effort
+    return np.column_stack([np.interp(log.time, motion.time, column) for column in effort.T])
+
+
+def load_folder(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The record and the curves of a result folder, a refused log's too. InputError where it is none."""
+    path = folder / RECORD
+    if not path.is_file():
+        raise InputError(f"{folder}: is no result folder, {RECORD} is missing; `identify fit` makes one")
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, OSError) as error:
+        raise InputError(f"{path}: can't be read ({error}); fit again") from error
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f'{path}: is not of format "{FORMAT}"; fit again')
+    curves: dict[str, np.ndarray] = {}
+    if (folder / CURVES).is_file():
+        try:
+            with np.load(folder / CURVES, allow_pickle=False) as stored:
+                curves = {name: stored[name] for name in stored.files}
+        except (ValueError, OSError, EOFError) as error:
+            raise InputError(f"{folder / CURVES}: can't be read ({error}); fit again") from error
+    return record, curves
+
+
+def save_folder(
+    record: dict[str, Any],
+    curves: dict[str, np.ndarray],
+    robot: Robot,
+    folder: str | os.PathLike[str],
+    force: bool = False,
+    extra: dict[str, str] | None = None,
+) -> Path:
+    """Write a result folder beside its place and rename it there: the old one is replaced whole or not at all.
+
+    extra: further text files by name (the report). OutputError if the folder exists and force is not set.
+    """
+    from identify.robot.toml import write_toml
+
+    target = Path(folder)
+    check_folder(target, force)
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part.mkdir()
+        text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
+        (part / RECORD).write_text(text + "\n", encoding="utf-8")
+        (part / ROBOT).write_text(write_toml(robot), encoding="utf-8")
+        with open(part / CURVES, "wb") as stream:
+            np.savez_compressed(stream, **curves)  # type: ignore[arg-type]
+        for name, content in (extra or {}).items():
+            (part / name).write_text(content, encoding="utf-8")
+        if target.exists():
+            old = target.with_name(f".{target.name}.{os.getpid()}.old")
+            os.replace(target, old)
+            os.replace(part, target)
+            shutil.rmtree(old)
+        else:
+            os.replace(part, target)
+    except OSError as error:
+        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+    return target
+
+
+def check_folder(target: Path, force: bool) -> None:
+    """OutputError where a result folder may not be written: it exists without force, or is something else."""
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise OutputError(f"{target}: is a file; give the name of a folder")
+    if not force:
+        raise OutputError(f"{target}: exists; choose another name, or replace it with --force")
+    if any(target.iterdir()) and not (target / RECORD).is_file():
+        raise OutputError(f"{target}: holds other things than a result; --force only replaces result folders")

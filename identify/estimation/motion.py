@@ -1,0 +1,61 @@
+"""Positions made into motion: zero-phase filtering, differentiation, and one uniform clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.logs.log import Log
+
+JITTER = 0.02
+"""Steps that differ from the mean step by more than this share of it are resampled onto the mean step."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Filtered motion on a uniform clock: time (N,) [s]; q, dq, ddq (N, n), SI; rate [Hz]."""
+
+    time: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    rate: float
+
+
+def low_pass(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
+    """Zero-phase Butterworth low-pass of order 4, forwards and backwards along the first axis.
+
+    cutoff [Hz] is held below 0.4 of the rate [Hz]. A record too short for the filter's start-up comes back as it is.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sections = butter(4, min(cutoff, 0.4 * rate), fs=rate, output="sos")
+    return sosfiltfilt(sections, x, axis=0) if len(x) > 3 * (2 * len(sections) + 1) else x
+
+
+def uniform(log: Log, *channels: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """The clock (N,), the channels (N, n) on it, and its rate: as recorded where steps are even, else interpolated."""
+    step = (log.time[-1] - log.time[0]) / (log.samples - 1)
+    even = log.time[0] + step * np.arange(log.samples)
+    if np.abs(np.diff(log.time) - step).max() <= JITTER * step and np.abs(even - log.time).max() <= step:
+        return even, list(channels), 1 / step
+    return even, [np.column_stack([np.interp(even, log.time, c) for c in x.T]) for x in channels], 1 / step
+
+
+def differentiated(position: np.ndarray, cutoff: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, q̇, q̈ (N, n) of a position (N, n) low-passed at `cutoff` [Hz]; derivatives by central differences."""
+    q = low_pass(position, cutoff, rate)
+    dq = np.gradient(q, 1 / rate, axis=0)
+    return q, dq, np.gradient(dq, 1 / rate, axis=0)
+
+
+def motion_of(log: Log, cutoff: float) -> Motion:
+    """The log's motion at its own rate, position low-passed at `cutoff` [Hz]."""
+    time, (position,), rate = uniform(log, log.position)
+    return Motion(time, *differentiated(position, cutoff, rate), rate)
+
+
+def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:
+    """Every factor-th row after a zero-phase low-pass at 0.4 of the new rate."""
+    return x if factor == 1 else low_pass(x, 0.4 * rate / factor, rate)[::factor]

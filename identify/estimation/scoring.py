@@ -1,0 +1,80 @@
+"""How well a predicted effort fits a measured one: the same rule for every model, log and tool.
+
+Both efforts go through one zero-phase Butterworth low-pass at 10 Hz, every sample counts. "Moving": before the filter,
+rows of a joint that is at rest are set to zero in both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from identify.estimation.motion import low_pass, uniform
+from identify.estimation.settings import STILL
+from identify.logs.log import Log
+from identify.robot.robot import Robot
+
+CUTOFF_HZ = 10.0
+SPEED_CUTOFF_HZ = 20.0
+
+
+def speed_of(log: Log) -> np.ndarray:
+    """(N, n) measured velocity where the log has it, else central differences of the position low-passed at 20 Hz."""
+    if log.velocity is not None:
+        return log.velocity
+    return np.gradient(low_pass(log.position, SPEED_CUTOFF_HZ, log.rate_hz), log.time, axis=0)
+
+
+def relative(measured: np.ndarray, predicted: np.ndarray) -> float | None:
+    """100·‖measured − predicted‖ / ‖measured‖ [%]; None where nothing was measured."""
+    size = np.linalg.norm(measured)
+    return float(100 * np.linalg.norm(measured - predicted) / size) if size > 0 else None
+
+
+def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot) -> dict[str, Any]:
+    """Figures of predictions (N, n), one a log: over all, moving and at rest, logs and joints together and per joint.
+
+    RMSE in N·m or N, residuals in percent. Each log is filtered on its own.
+    """
+    parts = [_filtered(log, hat) for log, hat in zip(logs, predictions, strict=True)]
+    tau, guess, tau_moving, guess_moving, moves = (np.concatenate(x) for x in zip(*parts, strict=True))
+    error = tau - guess
+    joints = []
+    for j, joint in enumerate(robot.joints):
+        move, still = moves[:, j], ~moves[:, j]
+        joints.append(
+            {
+                "joint": joint.name,
+                "unit": joint.effort_unit,
+                "rmse": _rms(error[:, j]),
+                "relative_residual_percent": relative(tau[:, j], guess[:, j]),
+                "moving_relative_residual_percent": relative(tau_moving[:, j], guess_moving[:, j]),
+                "moving_rmse": _rms(error[move, j]) if move.any() else None,
+                "rest_rmse": _rms(error[still, j]) if still.any() else None,
+                "max_abs_error": float(np.abs(error[:, j]).max()),
+                "std_of_signal": float(tau[:, j].std()),
+                "rest_share_percent": float(100 * still.mean()),
+            }
+        )
+    return {
+        "relative_residual_percent": relative(tau, guess),
+        "moving_relative_residual_percent": relative(tau_moving, guess_moving),
+        "per_joint": joints,
+        "duration_s": float(sum(log.duration for log in logs)),
+    }
+
+
+def _filtered(log: Log, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Measured and predicted effort low-passed, both again with rows at rest zero, and which rows move; all (N, n)."""
+    assert log.effort is not None
+    _, (effort, hat, speed), rate = uniform(log, log.effort, predicted, speed_of(log))
+    cutoff = min(CUTOFF_HZ, 0.4 * rate)
+    moves = np.abs(speed) > STILL
+    smooth = [low_pass(x, cutoff, rate) for x in (effort, hat, effort * moves, hat * moves)]
+    return (*smooth, moves)
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(x**2)))

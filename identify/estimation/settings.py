@@ -1,0 +1,46 @@
+"""How a log is turned into equations: the choices that the estimate depends on, each stated in the report."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from identify.regressor.columns import Sign, smooth_sign
+
+STILL = 0.01
+"""A joint slower than this [rad/s or m/s] counts as at rest."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Processing of a log.
+
+    position_cutoff_hz: low-pass of the position before it is differentiated. effort_cutoff_hz: parallel low-pass of
+    effort and of every column of the observation matrix, which is then decimated to decimated_rate_hz (Gautier 1997).
+    coulomb_velocity: None for the exact sign of the velocity; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
+    rest_counted: whether rows of a joint at rest are used; if not, they and those within guard_s of them are set to
+    zero on both sides before the parallel filter. window_s: length of the energy model's windows.
+    """
+
+    position_cutoff_hz: float = 40.0
+    effort_cutoff_hz: float = 10.0
+    decimated_rate_hz: float = 20.0
+    coulomb_velocity: float | None = None
+    rest_counted: bool = False
+    guard_s: float = 0.025
+    window_s: float | None = None
+
+    @property
+    def sign(self) -> Sign:
+        """The Coulomb columns' function of the velocity."""
+        return np.sign if self.coulomb_velocity is None else smooth_sign(self.coulomb_velocity)
+
+    def to_dict(self) -> dict[str, Any]:
+        form = "sign" if self.coulomb_velocity is None else "smooth sign"
+        return {**asdict(self), "still_rad_s": STILL, "coulomb_form": form}
+
+    @staticmethod
+    def from_dict(record: dict[str, Any]) -> Settings:
+        return Settings(**{k: v for k, v in record.items() if k in Settings.__dataclass_fields__})

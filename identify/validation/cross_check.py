@@ -1,0 +1,123 @@
+"""Three engines on one robot: the generated regressor, Pinocchio and MuJoCo, which share no code."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+from identify.validation.engines import mujoco_torque, pinocchio_regressor, pinocchio_torque
+from identify.validation.standard_set import any_standard, consistent_standard
+
+SAMPLES = 1000
+AGREE = 1e-9
+"""Engines that differ by no more than this, relative to the largest value, agree."""
+
+BLOCK = 100
+
+
+def random_states(robot: Robot, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q, dq, ddq (samples, n): positions inside the limits (else ±π, ±1 m), speeds up to ±2, accelerations ±5, SI."""
+    rng = np.random.default_rng(seed)
+    reach = [np.pi if joint.revolute else 1.0 for joint in robot.joints]
+    low, high = np.array([j.limits.position for j in robot.joints]).T
+    low, high = np.where(np.isfinite(low), low, -np.array(reach)), np.where(np.isfinite(high), high, reach)
+    q = rng.uniform(low, np.maximum(high, low), (samples, robot.n))
+    return q, rng.uniform(-2, 2, q.shape), rng.uniform(-5, 5, q.shape)
+
+
+def consistent_links(robot: Robot, seed: int) -> np.ndarray:
+    """(11 n,) standard parameters of invented, physically possible links with full inertias: point masses at random."""
+    rng = np.random.default_rng(seed)
+    standard = []
+    for _ in range(robot.n):
+        points, masses = rng.uniform(-0.3, 0.3, (6, 3)), rng.uniform(0.3, 2.0, 6)
+        second = (masses[:, None] * points).T @ points
+        inertia = np.trace(second) * np.eye(3) - second
+        standard += [*inertia[np.triu_indices(3)], *(masses @ points), masses.sum(), rng.uniform(0.1, 2.0)]
+    return np.array(standard)
+
+
+def cross_check_regressor(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
+    """Largest disagreement of the regressor with Pinocchio's (every entry) and with MuJoCo's inverse dynamics (torque of
+    invented links), relative to the largest value, over random samples."""
+    regressor = Regressor(robot, friction=False)
+    q, dq, ddq = random_states(robot, samples, seed)
+    worst = scale = 0.0
+    for start in range(0, samples, BLOCK):
+        part = slice(start, start + BLOCK)
+        theirs = pinocchio_regressor(robot, q[part], dq[part], ddq[part])
+        ours = regressor.torque(q[part], dq[part], ddq[part]) @ regressor.base.matrix
+        worst, scale = max(worst, float(np.abs(ours - theirs).max())), max(scale, float(np.abs(theirs).max()))
+    standard = consistent_links(robot, seed)
+    ours_torque = regressor.inverse_dynamics(q, dq, ddq, regressor.base.matrix @ standard)
+    theirs_torque = mujoco_torque(robot, standard, q, dq, ddq)
+    return {
+        "pinocchio": {
+            "max_abs_error": worst / scale,
+            "samples": samples,
+            "what": "every entry of the regressor against computeJointTorqueRegressor, relative to the largest entry",
+        },
+        "mujoco": {
+            "max_abs_error": _relative(ours_torque, theirs_torque),
+            "samples": samples,
+            "what": "torque of invented, physically consistent links against mj_inverse, relative to the largest torque",
+        },
+    }
+
+
+def cross_check_identified(robot: Robot, base: np.ndarray, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
+    """The identified inertial model in Pinocchio, as any standard set that maps to base (p,), and in MuJoCo, as a
+    physically consistent one where there is one. Largest torque differences relative to the largest torque."""
+    regressor = Regressor(robot, friction=False)
+    q, dq, ddq = random_states(robot, samples, seed)
+    ours = regressor.inverse_dynamics(q, dq, ddq, base)
+    in_pinocchio = pinocchio_torque(robot, any_standard(robot, base), q, dq, ddq)
+    result: dict[str, Any] = {
+        "pinocchio": {"max_abs_error": _relative(ours, in_pinocchio), "samples": samples},
+        "mujoco": None,
+    }
+    consistent = consistent_standard(robot, base)
+    if consistent is None:
+        result["mujoco_reason"] = (
+            "no physically consistent set of standard parameters maps to these base parameters exactly, "
+            "and MuJoCo loads no other"
+        )
+    else:
+        theirs = mujoco_torque(robot, consistent, q, dq, ddq)
+        result["mujoco"] = {"max_abs_error": _relative(ours, theirs), "samples": samples}
+    return result
+
+
+def check_robot(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
+    """Whether the models of a robot can be trusted: count of base parameters against the rank of Pinocchio's regressor,
+    and the three engines against one another."""
+    check = cross_check_regressor(robot, samples, seed)
+    count = len(Regressor(robot, friction=False).names)
+    rank = _rank(robot, seed)
+    errors = [check[engine]["max_abs_error"] for engine in ("pinocchio", "mujoco")]
+    return {
+        "robot": robot.name,
+        "joints": list(robot.joint_names),
+        "base_parameters": count,
+        "rank": rank,
+        **check,
+        "agree": bool(count == rank and max(errors) <= AGREE),
+    }
+
+
+def _rank(robot: Robot, seed: int) -> int:
+    """Rank of Pinocchio's regressor over random samples, columns scaled."""
+    stacked = pinocchio_regressor(robot, *random_states(robot, 40 * max(robot.n, 2), seed + 1))
+    columns = stacked.reshape(-1, stacked.shape[2])
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale < 1e-9 * max(scale.max(), 1e-300)] = np.inf
+    singular = np.linalg.svd(columns / scale, compute_uv=False)
+    return int((singular > 1e-9 * singular[0]).sum())
+
+
+def _relative(ours: np.ndarray, theirs: np.ndarray) -> float:
+    size = np.abs(theirs).max()
+    return float(np.abs(ours - theirs).max() / size) if size > 0 else float(np.abs(ours).max())

@@ -1,0 +1,134 @@
+"""What a result is worth on a log: residuals by the common rule, the nominal model beside it, and the curves to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from identify.estimation.identification import predicted_effort
+from identify.estimation.motion import low_pass, motion_of
+from identify.estimation.scoring import CUTOFF_HZ, scored, speed_of
+from identify.estimation.settings import STILL, Settings
+from identify.logs.log import Log
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+
+CURVE_ROWS = 3000
+"""Most rows a curve is stored with."""
+
+LAGS_S = 1.0
+"""Residual autocorrelation is stored up to this lag [s]."""
+
+
+def nominal_parameters(regressor: Regressor) -> np.ndarray | None:
+    """(p,) what the robot's description says of its parameters, or None where it gives no inertia."""
+    robot = regressor.robot
+    if not any(joint.link.mass for joint in robot.joints):
+        return None
+    theta = np.zeros(len(regressor.names))
+    theta[: len(regressor.base.names)] = regressor.base.matrix @ robot.standard
+    at = {name: i for i, name in enumerate(regressor.names)}
+    for j, joint in enumerate(robot.joints, 1):
+        for name, value in (("Fv", joint.drive.viscous), ("Fs", joint.drive.coulomb), ("off", joint.drive.offset)):
+            theta[at[f"{name}{j}"]] = value
+    return theta
+
+
+def figures(
+    regressor: Regressor, logs: Sequence[Log], parameters: np.ndarray, settings: Settings
+) -> tuple[dict[str, Any], list[np.ndarray]]:
+    """Residual figures over the logs together, and the prediction (N, n) for each."""
+    predictions = [predicted_effort(regressor, log, parameters, settings) for log in logs]
+    return scored(logs, predictions, regressor.robot), predictions
+
+
+def held_out(
+    regressor: Regressor,
+    log: Log,
+    training: Sequence[Log],
+    parameters: np.ndarray,
+    settings: Settings,
+    nominal: np.ndarray | None,
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Figures of a log that was not fitted, with the nominal model's and how far it leaves the training positions."""
+    result, (prediction,) = figures(regressor, [log], parameters, settings)
+    low = np.min([t.position.min(axis=0) for t in training], axis=0)
+    high = np.max([t.position.max(axis=0) for t in training], axis=0)
+    outside = ((log.position < low) | (log.position > high)).mean(axis=0)
+    result["outside_training_percent"] = [float(100 * x) for x in outside]
+    result["nominal_relative_residual_percent"] = None
+    for joint in result["per_joint"]:
+        joint["nominal_moving_rmse"] = None
+    if nominal is None:
+        result["nominal_relative_residual_percent_reason"] = (
+            "the log is a simulation of the robot file itself"
+            if log.simulated
+            else "the robot file gives no inertias to predict with"
+        )
+        return result, prediction
+    theirs, _ = figures(regressor, [log], nominal, settings)
+    result["nominal_relative_residual_percent"] = theirs["relative_residual_percent"]
+    for joint, other in zip(result["per_joint"], theirs["per_joint"], strict=True):
+        joint["nominal_moving_rmse"] = other["moving_rmse"]
+    return result, prediction
+
+
+def curves(
+    prefix: str, regressor: Regressor, log: Log, prediction: np.ndarray, parameters: np.ndarray, settings: Settings
+) -> dict[str, np.ndarray]:
+    """Arrays for figures under `prefix`: at most CURVE_ROWS rows, efforts low-passed at 10 Hz. SI."""
+    assert log.effort is not None
+    motion = motion_of(log, settings.position_cutoff_hz)
+    rate = log.rate_hz
+    step = max(1, int(np.ceil(log.samples / CURVE_ROWS)))
+    friction = parameters.copy()
+    friction[len(regressor.base.names) :] = 0.0
+    rigid = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, friction)
+    rows = slice(None, None, step)
+    smooth = {"measured": log.effort, "predicted": prediction, "rigid": rigid}
+    result = {name: low_pass(x, CUTOFF_HZ, rate)[rows] for name, x in smooth.items()}
+    result |= {"position": motion.q[rows], "velocity": motion.dq[rows], "acceleration": motion.ddq[rows]}
+    stored = {f"{prefix}/{name}": x.astype(np.float32) for name, x in result.items()}
+    return stored | {f"{prefix}/time": log.time[rows], f"{prefix}/moving": (np.abs(speed_of(log)) > STILL)[rows]}
+
+
+def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.ndarray]:
+    """Autocorrelation (L, n) over lag (L,) [s] of the low-passed residual, rows at rest set to zero."""
+    assert log.effort is not None
+    rate = log.rate_hz
+    error = low_pass((log.effort - prediction) * (np.abs(speed_of(log)) > STILL), CUTOFF_HZ, rate)
+    step = max(1, int(rate / (8 * CUTOFF_HZ)))
+    thin = error[::step]
+    lags = np.arange(min(len(thin) - 1, int(LAGS_S * rate / step)))
+    power = np.maximum((thin**2).sum(axis=0), 1e-300)
+    values = np.array([(thin[lag:] * thin[: len(thin) - lag]).sum(axis=0) / power for lag in lags])
+    return {"residual/lag": lags * step / rate, "residual/autocorrelation": values}
+
+
+def coverage(robot: Robot, logs: Sequence[Log], settings: Settings) -> dict[str, Any]:
+    """How much of each joint's range, speed and acceleration the training logs used."""
+    motions = [motion_of(log, settings.position_cutoff_hz) for log in logs]
+    rows = []
+    for j, joint in enumerate(robot.joints):
+        q = np.concatenate([m.q[:, j] for m in motions])
+        speed = float(max(np.abs(m.dq[:, j]).max() for m in motions))
+        acceleration = float(max(np.abs(m.ddq[:, j]).max() for m in motions))
+        low, high = joint.limits.position
+        rows.append(
+            {
+                "joint": joint.name,
+                "position": [float(q.min()), float(q.max())],
+                "position_limit_percent": _share(float(np.ptp(q)), high - low),
+                "velocity_max": speed,
+                "velocity_limit_percent": _share(speed, joint.limits.velocity),
+                "acceleration_max": acceleration,
+                "acceleration_limit_percent": _share(acceleration, joint.limits.acceleration),
+            }
+        )
+    return {"per_joint": rows}
+
+
+def _share(value: float, limit: float) -> float | None:
+    return 100 * value / limit if np.isfinite(limit) and limit > 0 else None

@@ -18,7 +18,10 @@ ABSURD = 1e9
 
 
 def clean(log: Log) -> Log:
-    """A log with finite rows, time strictly increasing from zero, and channels that hold something.
+    """A log with finite rows, time strictly increasing, and channels that hold something.
+
+    Time counts from the first row with a finite time and position, whether or not its effort is: so a log has
+    one clock, be its effort read or not.
 
     Values beyond ABSURD count as not finite. Rows whose position, effort or time is not finite are dropped,
     as are those whose time repeats or runs backward; the findings count them. A channel without a finite
@@ -45,7 +48,14 @@ def clean(log: Log) -> Log:
         dropped=log.dropped + log.samples - len(kept),
     )
     velocity = _usable_velocity(cleaned, findings)
-    return counted_from(replace(cleaned, velocity=velocity, findings=tuple(findings)), float(cleaned.time[0]))
+    return counted_from(replace(cleaned, velocity=velocity, findings=tuple(findings)), _origin(log, cleaned))
+
+
+def _origin(log: Log, cleaned: Log) -> float:
+    """Time of the first row that has a time and a position [s]."""
+    channels = log.position[:, _usable(log.position).any(axis=0)]
+    moving = np.isfinite(log.time) & _usable(channels).all(axis=1)
+    return float(min(cleaned.time[0], log.time[moving.argmax()]))
 
 
 def _usable(values: np.ndarray) -> np.ndarray:

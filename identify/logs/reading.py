@@ -25,6 +25,7 @@ def read_log(
     map: str | os.PathLike[str] | TableMap | None = None,
     joints: Sequence[str] | None = None,
     topic: str | None = None,
+    effort: bool = True,
 ) -> Log:
     """Read a recording: MCAP, or with a map CSV, TSV, NPZ or a folder of them.
 
@@ -39,14 +40,18 @@ def read_log(
     """
     path = Path(path)
     try:
-        log = _read(path, map, joints, topic)
+        log = _read(path, map, joints, topic, effort)
     except OSError as error:
         raise LogError(f"{path}: can't be read: {error.strerror or error}") from error
     return clean(log if joints is None else select(log, joints))
 
 
 def _read(
-    path: Path, map: str | os.PathLike[str] | TableMap | None, joints: Sequence[str] | None, topic: str | None
+    path: Path,
+    map: str | os.PathLike[str] | TableMap | None,
+    joints: Sequence[str] | None,
+    topic: str | None,
+    effort: bool,
 ) -> Log:
     from identify.logs.mcap_records import is_mcap
 
@@ -65,9 +70,10 @@ def _read(
 
         if map is not None:
             raise LogError(f"{path}: is an MCAP file, and a map is for tables; leave the map out")
-        return replace(read_mcap(path, topic, joints).log, sha256=digest(path))
+        log = replace(read_mcap(path, topic, joints).log, sha256=digest(path))
+        return log if effort else replace(log, effort=None)
     if map is None and path.suffix.lower() not in _TABLES and not zipfile.is_zipfile(path):
         raise LogError(f"{path}: is not an MCAP file, nor a table by its suffix; logs may be MCAP, CSV, TSV or NPZ")
     from identify.logs.tables import read_table
 
-    return read_table(path, map, joints)
+    return read_table(path, map, joints, effort)

@@ -10,6 +10,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +44,7 @@ def read_table(
     path: str | os.PathLike[str],
     map: str | os.PathLike[str] | TableMap | None = None,
     joints: Sequence[str] | None = None,
+    effort: bool = True,
 ) -> Log:
     """Read a table, or a folder of tables, by its map (a TOML file or a TableMap).
 
@@ -52,20 +54,22 @@ def read_table(
     """
     path = Path(path)
     mapping = map if isinstance(map, TableMap) else _own_map(path, joints) if map is None else load_map(map)
+    if not effort:
+        mapping = replace(mapping, effort=None)
     findings: list[str] = []
     columns = _columns(path, mapping, findings)
     time, position = columns.get("time"), columns["position"]
     seconds = np.arange(len(position)) / mapping.rate_hz if time is None else time[:, 0]
-    velocity, effort = columns.get("velocity"), columns.get("effort")
+    velocity, torque = columns.get("velocity"), columns.get("effort")
     with np.errstate(over="ignore", invalid="ignore"):
         if mapping.matrix is not None:
             matrix = np.array(mapping.matrix)
             position = np.linalg.solve(matrix, position.T).T
             velocity = None if velocity is None else np.linalg.solve(matrix, velocity.T).T
-            effort = None if effort is None else effort @ matrix
+            torque = None if torque is None else torque @ matrix
         position = position + np.array(mapping.offset)
     sha256 = digest_of_several(path, mapping.files) if path.is_dir() else digest(path)
-    return Log(seconds, position, velocity, effort, mapping.joints, str(path), sha256, tuple(findings))
+    return Log(seconds, position, velocity, torque, mapping.joints, str(path), sha256, tuple(findings))
 
 
 def _own_map(path: Path, names: Sequence[str] | None) -> TableMap:

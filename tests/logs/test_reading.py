@@ -97,18 +97,61 @@ def test_unusable_rows_are_dropped_and_counted(data):
     log = make_log(200)
     rows = data.draw(st.sets(st.integers(0, 199), max_size=10))
     time, position, effort = log.time.copy(), log.position.copy(), log.effort.copy()
+    still_moving = np.ones(200, dtype=bool)
     for row in rows:
         values = data.draw(st.sampled_from([position, effort, time]))
+        still_moving[row] = values is effort
         bad = np.nan if values is time else data.draw(st.sampled_from([np.nan, np.inf, -np.inf, 1e10]))
         values[row if values is time else (row, data.draw(st.integers(0, 3)))] = bad
     cleaned = clean(replace(log, time=time, position=position, effort=effort))
     kept = sorted(set(range(200)) - rows)
     assert same(cleaned.position, log.position[kept])
     assert same(cleaned.velocity, log.velocity[kept])
-    assert same(cleaned.time, log.time[kept] - log.time[kept[0]])
+    assert same(cleaned.time, log.time[kept] - log.time[still_moving.argmax()])
     assert cleaned.dropped == len(rows)
     expected = [f"{len(rows)} of 200 rows dropped: position, effort or time is not finite, or absurd"]
     assert list(cleaned.findings) == expected * bool(rows)
+
+
+def test_a_log_has_one_clock_whether_or_not_its_effort_is_read(tmp_path):
+    log = make_log(200)
+    effort = log.effort.copy()
+    effort[:4, 1] = np.nan
+    for name in ("a.mcap", "a.csv"):
+        replace(log, effort=effort).save(tmp_path / name)
+        with_effort = read_log(tmp_path / name)
+        without = read_log(tmp_path / name, effort=False)
+        assert without.effort is None
+        assert without.samples == 200
+        assert without.findings == ()
+        assert (with_effort.samples, with_effort.time[0]) == (196, pytest.approx(0.004, abs=1e-12))
+        np.testing.assert_allclose(with_effort.time, without.time[4:], atol=1e-12)
+        assert same(with_effort.position, without.position[4:])
+
+
+def test_effort_that_is_not_read_may_be_missing_or_anything(tmp_path):
+    log = make_log(300, ("a", "b"))
+    table = np.column_stack([log.time, log.position]).tolist()
+    entries = {
+        "time": "t",
+        "side": "motor",
+        "joints": ["a", "b"],
+        "position": {"columns": ["x", "y"]},
+        "effort": {"columns": ["i", "k"]},
+        "transmission": {"matrix": [[30.0, 0.0], [20.0, 20.0]]},
+    }
+    mapping = parse_map(entries)
+    (tmp_path / "none.csv").write_text("t,x,y\n" + "".join(f"{t},{x},{y}\n" for t, x, y in table))
+    (tmp_path / "odd.csv").write_text("t,x,y,i,k\n" + "".join(f"{t},{x},{y},off,nan\n" for t, x, y in table))
+    with pytest.raises(LogError, match="has no column 'i'"):
+        read_log(tmp_path / "none.csv", mapping)
+    with pytest.raises(LogError, match="too many NaN"):
+        read_log(tmp_path / "odd.csv", mapping)
+    none, odd = (read_log(tmp_path / name, mapping, effort=False) for name in ("none.csv", "odd.csv"))
+    assert none.samples == odd.samples == 300
+    assert same(none.position, odd.position)
+    assert none.effort is None
+    assert odd.effort is None
 
 
 def test_too_many_nan_are_refused_with_their_share_and_column():

@@ -90,7 +90,9 @@ def energy_least_squares(observation: EnergyObservation, passes: int = 3) -> Est
 
 def energy_residual_percent(observation: EnergyObservation, parameters: np.ndarray) -> float:
     """100·‖work − W·θ‖ / ‖work‖ over the windows [%]."""
-    return float(100 * np.linalg.norm(observation.work - observation.matrix @ parameters) / np.linalg.norm(observation.work))
+    return float(
+        100 * np.linalg.norm(observation.work - observation.matrix @ parameters) / np.linalg.norm(observation.work)
+    )
 
 
 def _integrals(rate_of: np.ndarray, s: Signals, edges: np.ndarray) -> np.ndarray:

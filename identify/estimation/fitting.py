@@ -91,9 +91,7 @@ def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, es
     return ModelFit("torque", solve(observation), settings, ESTIMATORS[estimator])
 
 
-def fit_energy(
-    regressor: Regressor, logs: Sequence[Log], settings: Settings
-) -> tuple[ModelFit, list[dict[str, Any]]]:
+def fit_energy(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> tuple[ModelFit, list[dict[str, Any]]]:
     """The energy model, its window chosen on the training logs; and the windows tried."""
     chosen, tried = choose_window(regressor, logs, replace(settings, coulomb_velocity=None))
     observation = stacked_energy([energy_observation(regressor, log, chosen) for log in logs])

@@ -87,7 +87,9 @@ def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Setting
     return _residuals(pieces, predicted)
 
 
-def choose_window(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> tuple[Settings, list[dict[str, Any]]]:
+def choose_window(
+    regressor: Regressor, logs: Sequence[Log], settings: Settings
+) -> tuple[Settings, list[dict[str, Any]]]:
     """Settings of the energy model: the window whose parameters predict the training logs' effort best."""
     tried: list[dict[str, Any]] = []
     pieces = [signals(log, settings) for log in logs]

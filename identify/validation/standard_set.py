@@ -58,7 +58,7 @@ def consistent_standard(robot: Robot, base: np.ndarray) -> np.ndarray | None:
     right.append(np.array([0.0] * n + [MARGIN]))
     cones.append(clarabel.NonnegativeConeT(n + 1))
     cost = np.zeros(m + 1)
-    cost[9 : m : 11] = MASS_COST
+    cost[9:m:11] = MASS_COST
     cost[m] = -1.0
     settings = clarabel.DefaultSettings()
     settings.verbose = False

@@ -1,0 +1,194 @@
+"""parameters.json: everything a result says, put together from the rooms' parts. Nothing is computed here."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from identify import __version__
+from identify.estimation.fitting import Fit, ModelFit
+from identify.estimation.identification import FORMAT
+from identify.logs.log import Log
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+from identify.validation.verdict import WELL_KNOWN
+
+PACKAGES = ("numpy", "scipy", "sympy", "pin", "mujoco", "mcap", "matplotlib", "clarabel")
+PHYSICAL_REASON = "standard parameters that physics allows are not estimated yet; only base parameters are"
+
+
+def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], command: str) -> dict[str, Any]:
+    """What is known before anything is fitted: robot, logs, versions."""
+    from identify.robot.library import robot_digest
+
+    logs = [log_entry(log, role) for role, group in (("train", train), ("test", test)) for log in group]
+    return {
+        "format": FORMAT,
+        "robot": {
+            "name": robot.name,
+            "source": robot.source,
+            "sha256": robot_digest(robot),
+            "note": robot.note,
+            "joints": [
+                {
+                    "name": joint.name,
+                    "type": joint.type,
+                    "effort_unit": joint.effort_unit,
+                    "position_unit": joint.position_unit,
+                    "limits": {
+                        "position": [_finite(x) for x in joint.limits.position],
+                        "velocity": _finite(joint.limits.velocity),
+                        "acceleration": _finite(joint.limits.acceleration),
+                        "effort": _finite(joint.limits.effort),
+                    },
+                }
+                for joint in robot.joints
+            ],
+        },
+        "model": model,
+        "simulated": any(log.simulated for log in train),
+        "logs": logs,
+        "physical": None,
+        "physical_reason": PHYSICAL_REASON,
+        "versions": versions(),
+        "seed": 0,
+        "command": command,
+    }
+
+
+def log_entry(log: Log, role: str) -> dict[str, Any]:
+    return {
+        "path": log.source,
+        "role": role,
+        "sha256": log.sha256,
+        "samples": log.samples,
+        "rate_hz": float(log.rate_hz) if log.samples > 1 else None,
+        "duration_s": log.duration,
+        "simulated": log.simulated,
+        "noise": log.metadata.get("noise"),
+        "findings": list(log.findings),
+    }
+
+
+def parameters(
+    regressor: Regressor, fit: ModelFit, truth: np.ndarray | None, prior: np.ndarray | None, prior_reason: str
+) -> dict[str, Any]:
+    """Base, friction and transmission parameters with their uncertainty, and the covariance."""
+    estimate, robot = fit.estimate, regressor.robot
+    count = len(regressor.base.names)
+    relative = 100 * estimate.std / np.maximum(np.abs(estimate.parameters), 1e-300)
+
+    def entry(i: int) -> dict[str, Any]:
+        return {
+            "estimate": float(estimate.parameters[i]),
+            "std": float(estimate.std[i]),
+            "relative_std_percent": float(relative[i]) if relative[i] < 1e9 else None,
+            "unit": regressor.units[i],
+            "identified": bool(relative[i] < WELL_KNOWN),
+            "truth": None if truth is None else float(truth[i]),
+        }
+
+    base = [
+        {
+            "name": name,
+            "grouping": str(regressor.base.grouping[name]).replace("**", "^"),
+            "link": regressor.base.kept[i] // 11 + 1,
+            **entry(i),
+            "prior": None if prior is None else float(prior[i]),
+        }
+        for i, name in enumerate(regressor.base.names)
+    ]
+    friction = []
+    for j, joint in enumerate(robot.joints):
+        at = count + 3 * j
+        parts = {key: entry(at + k) for k, key in enumerate(("viscous", "coulomb", "offset"))}
+        friction.append({"joint": joint.name, **parts})
+    coupled = range(count + 3 * robot.n, len(regressor.names))
+    result: dict[str, Any] = {
+        "names": list(regressor.names),
+        "base_parameters": base,
+        "friction": friction,
+        "transmission": [{"name": regressor.names[i], **entry(i)} for i in coupled],
+        "covariance": estimate.covariance.tolist(),
+    }
+    if truth is None:
+        result["truth_reason"] = "a measured robot has no known truth, or LOG.truth.json is not beside the log"
+    if prior is None:
+        result["prior_reason"] = prior_reason
+    return result
+
+
+def fit_figures(fit: ModelFit, figures: dict[str, Any]) -> dict[str, Any]:
+    estimate = fit.estimate
+    result = {
+        **figures,
+        "condition_number": estimate.condition_number,
+        "samples_used": estimate.rows,
+        "energy_residual_percent": fit.energy_residual_percent,
+    }
+    if fit.energy_residual_percent is None:
+        result["energy_residual_percent_reason"] = "the torque model was fitted"
+    return result
+
+
+def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        **fit.settings.to_dict(),
+        "chosen_by": "cross-validation inside the training logs: 0.5 s blocks dealt to 5 folds",
+        "rows": fit.estimate.rows,
+        "effective_samples": fit.estimate.effective_samples,
+        "rows_per_effective_sample": [float(x) for x in fit.estimate.inflation],
+        "candidates": tried,
+    }
+
+
+def models(fit: Fit, figures: dict[str, dict[str, Any]], agreement: dict[str, Any] | None) -> dict[str, Any]:
+    """Both models side by side; figures: residual figures by model name."""
+    result: dict[str, Any] = {"agreement": agreement}
+    if agreement is None:
+        result["agreement_reason"] = "only one of the models could be fitted"
+    for model in (fit.torque, fit.energy):
+        if model is None:
+            continue
+        estimate = model.estimate
+        result[model.model] = {
+            "estimator": model.estimator,
+            "parameters": [
+                {"name": name, "estimate": float(x), "std": float(s)}
+                for name, x, s in zip(estimate.names, estimate.parameters, estimate.std, strict=True)
+            ],
+            "condition_number": estimate.condition_number,
+            "window_s": model.settings.window_s,
+            "energy_residual_percent": model.energy_residual_percent,
+            **{k: figures[model.model][k] for k in ("relative_residual_percent", "moving_relative_residual_percent")},
+        }
+    for name, reason in fit.reasons.items():
+        result[name], result[f"{name}_reason"] = None, reason
+    return result
+
+
+def rejected(record: dict[str, Any], verdict: dict[str, Any]) -> dict[str, Any]:
+    """A refused log's record: the verdict, and null with the reason for all that a fit would have given."""
+    why = "the log can't support a result: " + "; ".join(verdict["reasons"])
+    empty: dict[str, Any] = {"names": [], "base_parameters": [], "friction": [], "transmission": []}
+    for key in ("estimator", "covariance", "fit", "settings", "coverage", "models", "cross_check"):
+        empty |= {key: None, f"{key}_reason": why}
+    return record | empty | {"test": [], "test_reason": why, "verdict": verdict}
+
+
+def versions() -> dict[str, str]:
+    found = {"identify": __version__, "python": sys.version.split()[0]}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,118 @@
+"""May the result be used, and for what: each use with its number, its limit and whose limit it is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+MEAN_LIMIT = 100.0
+"""Residual [% of the signal's standard deviation] of a model that predicts each joint's mean: worse than that is useless."""
+
+WELL_KNOWN = 10.0
+"""Relative standard deviation [%] below which a parameter counts as well identified (Gautier & Khalil 1992)."""
+
+ENGINES_AGREE = 1e-9
+
+
+def rejected(reasons: tuple[str, ...]) -> dict[str, Any]:
+    """The verdict on logs that can't support a result."""
+    action = "Record the motion again with the reasons mended; `identify excite` designs one that excites every joint."
+    return {"status": "reject", "reasons": list(reasons), "uses": [], "actions": [action]}
+
+
+def verdict(record: dict[str, Any]) -> dict[str, Any]:
+    """The verdict on a record that holds fit, test, parameters and cross_check.
+
+    "accept": a held-out log was predicted, every joint better than by its mean, engines agree, nothing was found wrong
+    with the logs. "warn": something of this is missing; `reasons` says what.
+    """
+    reasons: list[str] = []
+    actions: list[str] = []
+    uses = [_prediction(record, reasons, actions), _simulation(), _payload(record)]
+    for engine, error in _engines(record):
+        if error > ENGINES_AGREE:
+            reasons.append(
+                f"the regressor differs from {engine} by {error:.1e} of the torque scale: a defect in the robot model"
+            )
+    findings = [(log["path"], finding) for log in record["logs"] for finding in log["findings"]]
+    reasons += [f"{path}: {finding}" for path, finding in findings]
+    undetermined = [b["name"] for b in record["base_parameters"] if b["std"] >= abs(b["estimate"])]
+    if undetermined:
+        actions.append(
+            f"{len(undetermined)} of {len(record['base_parameters'])} base parameters are smaller than their standard "
+            f"deviation ({', '.join(undetermined[:4])}{' …' if len(undetermined) > 4 else ''}): take them as zero within "
+            "it, or record a longer or faster motion."
+        )
+    return {"status": "warn" if reasons else "accept", "reasons": reasons, "uses": uses, "actions": actions[:3]}
+
+
+def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) -> dict[str, Any]:
+    use = {"use": "prediction of joint torque", "limit": "100 % of each joint's standard deviation, moving"}
+    use |= {"limit_source": "predicting the joint's mean"}
+    if not record["test"]:
+        reasons.append("no held-out log was given, so prediction is not tested")
+        actions.append("Record a second, different motion and pass it with --test.")
+        return use | {
+            "status": "NOT TESTED",
+            "result": "no held-out log",
+            "action": "Pass a log of another motion with --test.",
+        }
+    worst = 0.0
+    for test in record["test"]:
+        bad = []
+        for joint in test["per_joint"]:
+            if joint["moving_rmse"] is None or not joint["std_of_signal"]:
+                continue
+            share = 100 * joint["moving_rmse"] / joint["std_of_signal"]
+            worst = max(worst, share)
+            if share >= MEAN_LIMIT:
+                bad.append(joint["joint"])
+        if bad:
+            reasons.append(f"{test['path']}: {', '.join(bad)} predicted worse than by the mean of its torque")
+        outside = [
+            (share, joint["joint"])
+            for share, joint in zip(test["outside_training_percent"], test["per_joint"], strict=True)
+        ]
+        share, name = max(outside)
+        if share >= 1.0:
+            actions.append(
+                f"{name} is outside the positions of the training logs for {share:.0f} % of {test['path']}: "
+                "trust the parameters less there, or train on a wider motion."
+            )
+    totals = [t["moving_relative_residual_percent"] for t in record["test"]]
+    total = max(x for x in totals if x is not None) if any(x is not None for x in totals) else None
+    met = worst < MEAN_LIMIT
+    return use | {
+        "status": "MET" if met else "NOT MET",
+        "result": ("" if total is None else f"residual {total:.2g} % of the torque on unseen motion, moving; ")
+        + f"worst joint {worst:.2g} % of its standard deviation",
+        "action": "Use it within the positions and speeds of the training logs."
+        if met
+        else "Do not use the joints named below; look at their curves.",
+    }
+
+
+def _simulation() -> dict[str, Any]:
+    return {
+        "use": "simulation",
+        "status": "NOT TESTED",
+        "result": "parameters are not held to physical consistency",
+        "limit": "every link's pseudo-inertia positive definite",
+        "limit_source": "a rigid body",
+        "action": "Use the base parameters for prediction and control; a simulator needs a consistent set.",
+    }
+
+
+def _payload(record: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "use": "payload identification",
+        "status": "NOT TESTED",
+        "result": "no log with a load was given",
+        "limit": "a log with a known load",
+        "limit_source": "none given",
+        "action": "Keep this result as the unloaded reference.",
+    }
+
+
+def _engines(record: dict[str, Any]) -> list[tuple[str, float]]:
+    check = record["cross_check"]
+    return [(name, check[name]["max_abs_error"]) for name in ("pinocchio", "mujoco") if check.get(name)]

@@ -1,0 +1,264 @@
+"""The few functions that lead a value through the rooms: excite, simulate, fit, and their demonstration."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identify.errors import LogError, UnsupportedLogError
+from identify.logs.log import Log
+from identify.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from identify.estimation.fitting import Fit, ModelFit
+    from identify.estimation.identification import Identification
+    from identify.experiment.trajectory import Trajectory
+
+Progress = Callable[[float, str], None] | None
+Folder = str | os.PathLike[str]
+
+
+def excite(
+    robot: Robot, criterion: str = "torque", duration: float = 10.0, seed: int = 0, progress: Progress = None
+) -> Trajectory:
+    """A Fourier trajectory that excites the parameters of the torque model, the energy model or both.
+
+    duration: one period [s]. It respects the robot's limits and is at rest at both ends.
+    """
+    from identify.experiment.excitation import excite as design
+
+    return design(robot, criterion, duration, seed, progress=progress)
+
+
+def simulate(
+    robot: Robot,
+    trajectory: Trajectory | None = None,
+    noise: str = "standard",
+    seed: int = 0,
+    progress: Progress = None,
+) -> Log:
+    """The log of a simulated experiment in MuJoCo, 1 kHz; without a trajectory, of one designed for the torque model."""
+    return _simulated(robot, trajectory, noise, seed, progress)[0]
+
+
+def run_experiment(
+    robot: Robot,
+    path: Folder,
+    trajectory: Trajectory | None = None,
+    noise: str = "standard",
+    seed: int = 0,
+    force: bool = False,
+    progress: Progress = None,
+) -> Log:
+    """Simulate and write LOG.mcap, with robot and trajectory attached, and LOG.truth.json beside it."""
+    from identify.experiment.simulation import save_experiment
+    from identify.logs.reading import read_log
+    from identify.robot.toml import write_toml
+
+    log, truth, motion = _simulated(robot, trajectory, noise, seed, progress)
+    save_experiment(log, truth, write_toml(robot), motion.to_toml(), Path(path), force)
+    return read_log(path)
+
+
+def fit(
+    log: Log | Sequence[Log],
+    robot: Robot,
+    test: Sequence[Log] = (),
+    model: str = "torque",
+    estimator: str | None = None,
+    command: str = "",
+    progress: Progress = None,
+) -> Identification:
+    """Identify base and friction parameters from one log or several, and check them on `test` logs.
+
+    model: "torque" or "energy"; both are fitted, this one is the result. estimator: see estimation.fitting.ESTIMATORS.
+    UnsupportedLogError, with its reasons, where the logs can't support a result.
+    """
+    from identify.estimation.fitting import check_choice
+    from identify.logs.triage import require_identifiable
+
+    check_choice(model, estimator)
+    train = _for_robot([log] if isinstance(log, Log) else log, robot)
+    test = _for_robot(test, robot)
+    for each in train:
+        require_identifiable(each)
+    return _identified(robot, train, test, model, estimator, command, progress)
+
+
+def fit_to_folder(
+    logs: Sequence[Log],
+    robot: Robot,
+    folder: Folder,
+    test: Sequence[Log] = (),
+    model: str = "torque",
+    estimator: str | None = None,
+    force: bool = False,
+    command: str = "",
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Fit, and write the result folder with its report; for logs that can't support a result, one that says why.
+
+    Returns the record; its verdict's status tells the two apart.
+    """
+    from identify import record as records
+    from identify.estimation.identification import check_folder, save_folder
+    from identify.report.page import render
+    from identify.validation.verdict import rejected
+
+    check_folder(Path(folder), force)
+    curves: dict[str, np.ndarray]
+    try:
+        result = fit(logs, robot, test, model, estimator, command, progress)
+        record, curves = result.record, result.curves
+    except UnsupportedLogError as error:
+        train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
+        record = records.rejected(records.head(robot, model, train, held_out, command), rejected(error.reasons))
+        curves = _raw_curves(train)
+    if progress:
+        progress(0.95, "report")
+    save_folder(record, curves, robot, folder, force, {"report.html": render(record, curves)})
+    return record
+
+
+def demo(folder: Folder, force: bool = False, progress: Progress = None) -> dict[str, Any]:
+    """The whole path on the built-in RX-90: design, simulate, log, identify, test on an unseen motion, report."""
+    from identify.estimation.identification import check_folder
+    from identify.experiment.trajectory import random_trajectory
+    from identify.logs.reading import read_log
+    from identify.robot.library import load_robot
+
+    place = Path(folder)
+    check_folder(place / "result", force)
+    place.mkdir(parents=True, exist_ok=True)
+    robot = load_robot("rx90")
+
+    def part(start: float, stop: float) -> Progress:
+        return None if progress is None else lambda share, text: progress(start + (stop - start) * share, text)
+
+    trajectory = excite(robot, progress=part(0.0, 0.4))
+    trajectory.save(place / "trajectory.toml")
+    unseen = random_trajectory(robot, seed=2)
+    run_experiment(robot, place / "train.mcap", trajectory, seed=0, force=True, progress=part(0.4, 0.5))
+    run_experiment(robot, place / "test.mcap", unseen, seed=1, force=True, progress=part(0.5, 0.6))
+    train, test = (read_log(place / name) for name in ("train.mcap", "test.mcap"))
+    command = f"identify demo -o {folder}"
+    return fit_to_folder(
+        [train], robot, place / "result", [test], force=force, command=command, progress=part(0.6, 1.0)
+    )
+
+
+def _simulated(
+    robot: Robot, trajectory: Trajectory | None, noise: str, seed: int, progress: Progress
+) -> tuple[Log, dict[str, Any], Trajectory]:
+    from identify.experiment.simulation import simulate as run
+
+    if trajectory is None:
+        trajectory = excite(robot, progress=progress)
+    trajectory = trajectory.for_robot(robot)
+    return (*run(robot, trajectory, noise, seed, progress), trajectory)
+
+
+def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
+    """The logs with the robot's joints in its order. LogError where one lacks a joint or has no effort."""
+    from identify.logs.slicing import select
+
+    chosen = [select(log, robot.joint_names) for log in logs]
+    for log in chosen:
+        if log.effort is None:
+            raise LogError(
+                f"{log.source or 'log'}: holds no effort; record joint torques or currents with the positions"
+            )
+    return chosen
+
+
+def _identified(
+    robot: Robot,
+    train: list[Log],
+    test: list[Log],
+    model: str,
+    estimator: str | None,
+    command: str,
+    progress: Progress,
+) -> Identification:
+    from identify import record as records
+    from identify.estimation.fitting import agreement, fit_models
+    from identify.estimation.identification import Identification
+    from identify.regressor.regressor import Regressor
+    from identify.validation import cross_check, held_out
+    from identify.validation.truth import true_parameters
+    from identify.validation.verdict import verdict
+
+    tell = progress or (lambda share, text: None)
+    regressor = Regressor(robot)
+    both = fit_models(regressor, train, model, estimator, lambda share, text: tell(0.7 * share, text))
+    chosen = _chosen(both, model)
+    estimate, settings = chosen.estimate, chosen.settings
+    tell(0.7, "residuals and held-out logs")
+    figures = {
+        m.model: held_out.figures(regressor, train, m.estimate.parameters, m.settings)
+        for m in (both.torque, both.energy)
+        if m is not None
+    }
+    nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
+    curves: dict[str, np.ndarray] = {}
+    predictions = figures[model][1]
+    for k, (log, prediction) in enumerate(zip(train, predictions, strict=True)):
+        curves |= held_out.curves(f"train{k}", regressor, log, prediction, estimate.parameters, settings)
+    curves |= held_out.residual_autocorrelation(train[0], predictions[0])
+    tests = []
+    for k, log in enumerate(test):
+        result, prediction = held_out.held_out(regressor, log, train, estimate.parameters, settings, nominal)
+        tests.append({"path": log.source, **result})
+        curves |= held_out.curves(f"test{k}", regressor, log, prediction, estimate.parameters, settings)
+    tell(0.85, "cross-check against Pinocchio and MuJoCo")
+    checks = cross_check.cross_check_regressor(robot)
+    base = estimate.parameters[: len(regressor.base.names)]
+    checks["identified"] = cross_check.cross_check_identified(robot, base)
+    truth = true_parameters(regressor, train[0])
+    prior_reason = (
+        "the log is a simulation of the robot file itself"
+        if nominal is None and train[0].simulated
+        else "the robot file gives no inertias"
+    )
+    record = records.head(robot, model, train, test, command) | {
+        "estimator": chosen.estimator,
+        **records.parameters(regressor, chosen, truth, nominal, prior_reason),
+        "fit": records.fit_figures(chosen, figures[model][0]),
+        "settings": records.settings(chosen, both.tried),
+        "test": tests,
+        "coverage": held_out.coverage(robot, train, settings),
+        "models": records.models(
+            both,
+            {name: figure for name, (figure, _) in figures.items()},
+            agreement(both.torque.estimate, both.energy.estimate) if both.torque and both.energy else None,
+        ),
+        "cross_check": checks,
+    }
+    if not tests:
+        record["test_reason"] = "no held-out log was given"
+    record["verdict"] = verdict(record)
+    return Identification(
+        robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
+    )
+
+
+def _chosen(both: Fit, model: str) -> ModelFit:
+    chosen = both.torque if model == "torque" else both.energy
+    assert chosen is not None, "fit_models raises where the model asked for can't be fitted"
+    return chosen
+
+
+def _raw_curves(logs: Sequence[Log]) -> dict[str, np.ndarray]:
+    """What a refused log looks like: its effort and position as recorded, thinned."""
+    curves: dict[str, np.ndarray] = {}
+    for k, log in enumerate(logs):
+        rows = slice(None, None, max(1, log.samples // 3000))
+        curves[f"train{k}/time"] = log.time[rows]
+        curves[f"train{k}/position"] = log.position[rows].astype(np.float32)
+        if log.effort is not None:
+            curves[f"train{k}/measured"] = log.effort[rows].astype(np.float32)
+    return curves

@@ -116,8 +116,6 @@ def _marks(
     axes: Any, places: Sequence[tuple[float, float]], shape: str, tone: str, size: float, width: float, face: str = ""
 ) -> None:
     if places:
-        filled = drawing.colour(face) if face else "none"
-        style = {"markersize": size, "markeredgewidth": width, "markerfacecolor": filled, "linestyle": "none"}
-        axes.plot(
-            *zip(*places, strict=True), marker=shape, markeredgecolor=drawing.colour(tone), clip_on=False, **style
-        )
+        style: dict[str, Any] = {"markersize": size, "markeredgewidth": width, "linestyle": "none", "clip_on": False}
+        style |= {"markeredgecolor": drawing.colour(tone), "markerfacecolor": drawing.colour(face) if face else "none"}
+        axes.plot(*zip(*places, strict=True), marker=shape, **style)

@@ -61,9 +61,7 @@ def section(record: Record) -> Section:
 
 def _summary(results: Mapping[str, Any], where: str) -> str:
     moving, overall = results.get("moving_relative_residual_percent"), results.get("relative_residual_percent")
-    told = (
-        f"{esc(where)} the model leaves <b>{percent(moving)}</b> of the joint torque unexplained while the joints move"
-    )
+    told = f"{esc(where)} the model leaves <b>{percent(moving)}</b> of the torque unexplained while the joints move"
     told += f", and {percent(overall)} with the samples at rest counted."
     nominal = finite(results.get("nominal_relative_residual_percent"))
     if nominal is not None:

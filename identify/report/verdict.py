@@ -76,6 +76,8 @@ def _uses(record: Record) -> str:
             told.append(
                 prose(f"No limit was given{': ' + str(use['limit_reason']) if use.get('limit_reason') else ''}")
             )
+        if word != "NOT TESTED":
+            told.append(prose(f"Data: {use.get('data') or ', '.join(short(part(t, 'path')) for t in tests(record))}"))
         if use.get("action"):
             told.append(f'<span class="todo">{prose(use["action"])}</span>')
         rows.append(f'<li class="{MARKS[word]}">{status(word)}<span>{" ".join(told)}</span></li>')
@@ -102,7 +104,7 @@ def _figures(record: Record) -> str:
         shown.append((percent(nominal), "error of the nominal model, same motion"))
     shown.append((f"{known} of {len(parameters)}", "base parameters identified"))
     shown.append((significant(part(record, "fit", "condition_number"), 2), "scaled condition number"))
-    cells = "".join(f"<div><dd>{esc(value)}</dd><dt>{esc(words)}</dt></div>" for value, words in shown)
+    cells = "".join(f"<div><dt>{esc(words)}</dt><dd>{esc(value)}</dd></div>" for value, words in shown)
     return f'<dl class="glance">{cells}</dl>'
 
 

@@ -69,6 +69,14 @@ class JointColumns:
         return tuple(column.name for column in self.columns)
 
     @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Columns that other columns may make up: the motors', and the offset of a sliding joint, as gravity can pull
+        evenly along a line; about an axis it can't."""
+        return tuple(
+            c.name for c in self.columns if c.kind in COUPLED or (c.kind == "off" and not self.revolute[c.index])
+        )
+
+    @property
     def units(self) -> tuple[str, ...]:
         return tuple((TURNING if self.revolute[column.index] else SLIDING)[column.kind] for column in self.columns)
 

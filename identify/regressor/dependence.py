@@ -22,16 +22,19 @@ def dependent_columns(
     scale = np.where(norms > 0, norms, 1.0)
     scaled = samples / scale
     kept = [at for at, name in enumerate(names) if name not in candidates]
+    basis = np.linalg.qr(scaled[:, kept])[0]
     found: dict[str, dict[str, float]] = {}
     for at in (at for at, name in enumerate(names) if name in candidates):
-        factors = np.linalg.lstsq(scaled[:, kept], scaled[:, at], rcond=None)[0]
-        left = np.linalg.norm(scaled[:, at] - scaled[:, kept] @ factors)
-        if left > TOLERANCE:
+        left = scaled[:, at] - basis @ (basis.T @ scaled[:, at])
+        left -= basis @ (basis.T @ left)  # once more, for what rounding left behind
+        if np.linalg.norm(left) > TOLERANCE:
             kept.append(at)
-        else:
-            found[names[at]] = {
-                names[k]: float(factor * scale[at] / scale[k])
-                for k, factor in zip(kept, factors, strict=True)
-                if abs(factor) > TOLERANCE
-            }
+            basis = np.column_stack([basis, left / np.linalg.norm(left)])
+            continue
+        factors = np.linalg.lstsq(scaled[:, kept], scaled[:, at], rcond=None)[0]
+        found[names[at]] = {
+            names[k]: float(factor * scale[at] / scale[k])
+            for k, factor in zip(kept, factors, strict=True)
+            if abs(factor) > TOLERANCE
+        }
     return found

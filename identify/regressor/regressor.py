@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 
-from identify.regressor.columns import COUPLED, JointColumns, Sign
+from identify.regressor.columns import JointColumns, Sign
 from identify.regressor.dependence import dependent_columns
+from identify.regressor.kernel import Kernel, blocks
 from identify.robot.robot import Drive, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.energy import energy_regressor
-from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.expression import Graph, Scalar
 from identify.symbolic.newton_euler import direct_torque, torque_regressor
-from identify.symbolic.printing import Block, compiled
-
-BLOCK = 1024
-"""Samples worked on at a time: 2 MB of intermediate values for six axes, enough to hide NumPy's overhead."""
 
 
 class Regressor:
@@ -41,13 +37,13 @@ class Regressor:
         graph = Graph()
         entries = torque_regressor(graph, robot, kept)
         column = {standard: at for at, standard in enumerate(kept)}
-        self._torque = _Kernel(graph, {(i, column[c]): e for (i, c), e in entries.items()}, n, ("q", "dq", "ddq"))
+        self._torque = Kernel(graph, {(i, column[c]): e for (i, c), e in entries.items()}, n, ("q", "dq", "ddq"))
         energies = energy_regressor(graph, robot)
-        self._energy = _Kernel(graph, {(0, at): energies[c] for at, c in enumerate(kept)}, n, ("q", "dq"))
+        self._energy = Kernel(graph, {(0, at): energies[c] for at, c in enumerate(kept)}, n, ("q", "dq"))
         self.extra = JointColumns.of(robot) if friction else None
         self.dropped: dict[str, dict[str, float]] = {}
-        if self.extra:
-            candidates = [column.name for column in self.extra.columns if column.kind in ("off", *COUPLED)]
+        candidates = self.extra.doubtful if self.extra else ()
+        if self.extra and candidates:
             self.dropped = dependent_columns(self._random_samples(), self.names, candidates)
             self.extra = self.extra.without(self.dropped)
 
@@ -91,7 +87,7 @@ class Regressor:
         q, dq, ddq, single = _samples(self.robot.n, q, dq, ddq)
         full = _destination(out, (len(q), self.robot.n, self.p), single)
         evaluate = self._torque.workspace(len(q))
-        for rows in _blocks(len(q)):
+        for rows in blocks(len(q)):
             values = evaluate(q[rows], dq[rows], ddq[rows])
             self._fill(full[rows], values, dq[rows], ddq[rows], sign)
         return full[0] if single and out is None else full if out is None else out
@@ -105,7 +101,7 @@ class Regressor:
         full = np.zeros((len(q), self.p))
         inertial = len(self.base.names)
         evaluate = self._energy.workspace(len(q))
-        for rows in _blocks(len(q)):
+        for rows in blocks(len(q)):
             full[rows, self._energy.column] = evaluate(q[rows], dq[rows]).T
             if self.extra:
                 self.extra.energy(full[rows, inertial:], dq[rows])
@@ -119,7 +115,7 @@ class Regressor:
         dq, single = _samples(self.robot.n, dq)
         full = np.zeros((len(dq), self.p))
         if self.extra:
-            for rows in _blocks(len(dq)):
+            for rows in blocks(len(dq)):
                 self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign)
         return full[0] if single else full
 
@@ -134,7 +130,7 @@ class Regressor:
         q, dq, dq_ref, ddq_ref, single = _samples(self.robot.n, q, dq, dq_ref, ddq_ref)
         full = _destination(None, (len(q), self.robot.n, self.p), single)
         evaluate = self._torque.workspace(len(q))
-        for rows in _blocks(len(q)):
+        for rows in blocks(len(q)):
             here, u, v = q[rows], dq[rows], dq_ref[rows]
             still = np.zeros_like(here)
             values = evaluate(here, still, ddq_ref[rows]).copy()
@@ -155,30 +151,24 @@ class Regressor:
         if theta.shape != (self.p,):
             raise ValueError(f"theta has shape {theta.shape}; expected ({self.p},), in the order of Regressor.names")
         inertial = len(self.base.names)
-        function, work_rows = self._inverse_dynamics
-        effort = np.empty((len(q), self.robot.n))
-        work, out = (np.empty((count, min(BLOCK, len(q)))) for count in (work_rows, self.robot.n))
-        for rows in _blocks(len(q)):
-            m = rows.stop - rows.start
-            signals = np.concatenate([q[rows].T, dq[rows].T, ddq[rows].T])
-            function((*signals, *theta[:inertial]), out[:, :m], work[:, :m])
-            effort[rows] = out[:, :m].T
+        effort = np.zeros((len(q), self.robot.n))
+        evaluate = self._recurrence.workspace(len(q))
+        for rows in blocks(len(q)):
+            values = evaluate(q[rows], dq[rows], ddq[rows], constants=theta[:inertial])
+            effort[rows, self._recurrence.row] = values.T
             if self.extra:
                 self.extra.add_effort(effort[rows], dq[rows], ddq[rows], theta[inertial:], sign)
         return effort[0] if single else effort
 
     @cached_property
-    def _inverse_dynamics(self) -> tuple[Block, int]:
-        """Generated code of the backward recurrence with the base parameters for the standard ones, the rest zero."""
-        n = self.robot.n
+    def _recurrence(self) -> Kernel:
+        """The backward recurrence with the base parameters for the standard ones of their names, the others zero."""
         graph = Graph()
-        standard: list[Scalar] = [0] * (11 * n)
-        for c in self.base.kept:
-            standard[c] = graph.symbol(f"K{c}")
-        outputs = [graph.constant(0) + x for x in direct_torque(graph, self.robot, standard)]
-        inputs = [f"{prefix}{j + 1}" for prefix in ("q", "dq", "ddq") for j in range(n)]
-        inputs += [f"K{c}" for c in self.base.kept]
-        return compiled("inverse_dynamics", {name: row for row, name in enumerate(inputs)}, outputs)
+        standard: list[Scalar] = [0] * (11 * self.robot.n)
+        for at, c in enumerate(self.base.kept):
+            standard[c] = graph.symbol(f"K{at + 1}")
+        entries = {(j, 0): effort for j, effort in enumerate(direct_torque(graph, self.robot, standard))}
+        return Kernel(graph, entries, self.robot.n, ("q", "dq", "ddq"), len(self.base.kept))
 
     def _fill(self, full: np.ndarray, values: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> None:
         """Put a block's entries (entries, m) and its friction columns where they belong in full (m, n, p)."""
@@ -196,45 +186,8 @@ class Regressor:
         return self.torque(turn * q, 2 * dq, 3 * ddq).reshape(count * n, self.p)
 
 
-class _Kernel:
-    """Generated code for the entries of a regressor that are not zero, and where they belong."""
-
-    def __init__(self, graph: Graph, entries: dict[tuple[int, int], Scalar], n: int, inputs: Sequence[str]) -> None:
-        live: dict[tuple[int, int], Expression] = {}
-        for at, entry in entries.items():
-            expression = entry if isinstance(entry, Expression) else graph.constant(entry)
-            if expression.value != 0:
-                live[at] = expression
-        self.row = np.array([i for i, _ in live], dtype=int)
-        self.column = np.array([k for _, k in live], dtype=int)
-        names = {f"{prefix}{j + 1}": i * n + j for i, prefix in enumerate(inputs) for j in range(n)}
-        self.inputs = len(names)
-        self.function, self.work = compiled("regressor", names, list(live.values()))
-
-    def workspace(self, samples: int) -> Callable[..., np.ndarray]:
-        """A function of signals (m, n) each, m ≤ min(samples, BLOCK), that returns the entries' values (entries, m).
-
-        They lie in a buffer that its next call uses again.
-        """
-        size = min(BLOCK, samples)
-        x, out, work = (np.empty((rows, size)) for rows in (self.inputs, len(self.row), self.work))
-
-        def evaluate(*signals: np.ndarray) -> np.ndarray:
-            m = len(signals[0])
-            np.concatenate([signal.T for signal in signals], out=x[:, :m])
-            self.function(x[:, :m], out[:, :m], work[:, :m])
-            return out[:, :m]
-
-        return evaluate
-
-
 def _friction(drive: Drive) -> tuple[tuple[str, float], ...]:
     return ("Fv", drive.viscous), ("Fs", drive.coulomb), ("off", drive.offset)
-
-
-def _blocks(samples: int) -> Iterator[slice]:
-    """Consecutive ranges of at most BLOCK samples."""
-    return (slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK))
 
 
 def _samples(n: int, *signals: np.ndarray) -> tuple:

@@ -1,16 +1,23 @@
-"""Expressions printed as NumPy code that works on blocks of samples without allocating."""
+"""Expressions printed as code: NumPy code that works on blocks of samples without allocating, and plain Python code
+for one sample, where NumPy's overhead would be most of the time."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from identify.symbolic.expression import Expression, arguments, reachable
 
+Single = Callable[[Sequence[float]], tuple[float, ...]]
+
 UFUNCS = {"add": "add", "sub": "subtract", "mul": "multiply", "neg": "negative", "cos": "cos", "sin": "sin"}
 
 Block = Callable[[Sequence[np.ndarray | float] | np.ndarray, np.ndarray, np.ndarray], None]
+
+PYTHON = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "neg": "-{}", "cos": "cos({})", "sin": "sin({})"}
 
 
 def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[str, int]:
@@ -67,9 +74,35 @@ def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Express
     return "\n".join([*head, *body]) + "\n", rows
 
 
+def python_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> str:
+    """Source of `name(x)`: the outputs' values, a tuple of floats, at one sample x of len(inputs) floats."""
+    lines = [f"def {name}(x):"]
+    if inputs:
+        lines.append(f"    {''.join(f'x{k}, ' for k in range(len(inputs)))}= x")
+    place: dict[int, str] = {}
+    for i in reachable(outputs[0].graph, outputs) if outputs else []:
+        node = outputs[0].graph.nodes[i]
+        if node[0] == "constant":
+            place[i] = repr(node[1])
+        elif node[0] == "symbol":
+            place[i] = f"x{inputs[node[1]]}"
+        else:
+            place[i] = f"v{i}"
+            lines.append(f"    v{i} = {PYTHON[node[0]].format(*(place[k] for k in arguments(node)))}")
+    return "\n".join([*lines, f"    return ({''.join(f'{place[e.index]}, ' for e in outputs)})"]) + "\n"
+
+
 def compiled(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[Block, int]:
-    """The printed function, ready to call, and its number of work rows."""
+    """The printed NumPy function, ready to call, and its number of work rows."""
     source, rows = numpy_source(name, inputs, outputs)
-    space: dict = {"np": np}
+    return _run(name, source, {"np": np}), rows
+
+
+def compiled_for_one(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> Single:
+    """The printed Python function for one sample, ready to call."""
+    return _run(name, python_source(name, inputs, outputs), {"cos": math.cos, "sin": math.sin})
+
+
+def _run(name: str, source: str, space: dict[str, Any]) -> Any:
     exec(compile(source, f"<{name}>", "exec"), space)
-    return space[name], rows
+    return space[name]

@@ -15,7 +15,8 @@ from chains import random_chain
 from symbolic_models import Motion, function_of, states, tilted
 
 from identify.regressor.columns import smooth_sign
-from identify.regressor.regressor import BLOCK, Regressor
+from identify.regressor.kernel import BLOCK
+from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
 from identify.robot.robot import Robot, Transmission
 from identify.symbolic.expression import Graph

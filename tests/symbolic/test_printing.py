@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from programs import ARITHMETIC, SYMBOLS, Program, on_expressions, programs
 
 from identify.symbolic.expression import Expression, Graph, cos, evaluate, sin
-from identify.symbolic.printing import compiled, numpy_source
+from identify.symbolic.printing import compiled, compiled_for_one, numpy_source
 
 INPUTS = {name: row for row, name in enumerate(SYMBOLS)}
 X = np.random.default_rng(3).uniform(-1.5, 1.5, (3, 7))
@@ -50,6 +50,29 @@ def test_cosines_and_sines_agree(program: Program) -> None:
     # Where values grow, the last bit in which two cosines differ grows with them.
     assume(np.abs(expected).max() < 100)
     np.testing.assert_allclose(printed(expressions), expected, rtol=0, atol=1e-9)
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(programs(longest=30), st.lists(st.integers(0, 37), max_size=8))
+def test_code_for_one_sample_agrees_to_the_bit(program: Program, chosen: list[int]) -> None:
+    expressions = on_expressions(program)
+    outputs = [expressions[k % len(expressions)] for k in chosen]
+    expected = reference(outputs).T[2].tolist() if outputs else []
+    assume(np.all(np.isfinite(expected)))
+    function = compiled_for_one("f", INPUTS, outputs)
+    assert list(function(X[:, 2].tolist())) == expected
+
+
+def test_a_row_may_be_one_number_for_all_samples() -> None:
+    graph = Graph()
+    x, y, z = (graph.symbol(name) for name in SYMBOLS)
+    outputs = [x * y + z, y * 0.5, y, sin(y) * x]
+    function, rows = compiled("f", INPUTS, outputs)
+    out = np.empty((4, 7))
+    function([X[0], -1.25, X[2]], out, np.empty((rows, 7)))
+    same = X.copy()
+    same[1] = -1.25
+    np.testing.assert_allclose(out, reference(outputs, same), rtol=1e-14)
 
 
 def test_outputs_that_are_leaves_or_repeated() -> None:

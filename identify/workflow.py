@@ -41,7 +41,7 @@ def simulate(
     seed: int = 0,
     progress: Progress = None,
 ) -> Log:
-    """The log of a simulated experiment in MuJoCo, 1 kHz; without a trajectory, of one designed for the torque model."""
+    """The log of a simulated experiment in MuJoCo, 1 kHz; without a trajectory, one is designed (torque model)."""
     return _simulated(robot, trajectory, noise, seed, progress)[0]
 
 
@@ -78,6 +78,8 @@ def fit(
     model: "torque" or "energy"; both are fitted, this one is the result. estimator: see estimation.fitting.ESTIMATORS.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
+    from threadpoolctl import threadpool_limits
+
     from identify.estimation.fitting import check_choice
     from identify.logs.triage import require_identifiable
 
@@ -86,7 +88,9 @@ def fit(
     test = _for_robot(test, robot)
     for each in train:
         require_identifiable(each)
-    return _identified(robot, train, test, model, estimator, command, progress)
+    # Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work.
+    with threadpool_limits(1, "blas"):
+        return _identified(robot, train, test, model, estimator, command, progress)
 
 
 def fit_to_folder(

@@ -45,7 +45,7 @@ class Identification:
         return Settings.from_dict(self.record["settings"])
 
     def predict(self, log: Log) -> np.ndarray:
-        """(N, n) joint effort [N·m or N] at the log's samples, from its positions alone; n in the robot's joint order."""
+        """(N, n) joint effort [N·m or N] at the log's samples, from its positions alone, in the robot's joint order."""
         log = select(log, self.robot.joint_names)
         return predicted_effort(Regressor(self.robot), log, self.parameters, self.settings)
 

@@ -43,7 +43,7 @@ def ordinary_least_squares(observation: Observation) -> Estimate:
 
 
 def weighted_least_squares(observation: Observation, passes: int = 1) -> Estimate:
-    """WLS: each joint's rows divided by the standard deviation of its residual in the pass before, first OLS (Gautier 1997)."""
+    """WLS: each joint's rows divided by the standard deviation of its residual in the pass before (Gautier 1997)."""
     weights = np.ones(len(observation.matrix))
     estimate = _solve(observation, weights, common=False)
     for _ in range(passes):

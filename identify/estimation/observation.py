@@ -59,8 +59,8 @@ def signals(log: Log, settings: Settings) -> Signals:
     q, dq, ddq = differentiated(position, settings.position_cutoff_hz, rate)
     factor = max(1, int(rate // WORKING_RATE_HZ))
     # The motion is already low-passed: taking every factor-th row of it is enough where the cut-off allows.
-    thin = [x[::factor] for x in (q, dq, ddq)]
-    return Signals(time[::factor], *thin, decimated(effort, factor, rate), rate / factor)
+    rows = slice(None, None, factor)
+    return Signals(time[rows], q[rows], dq[rows], ddq[rows], decimated(effort, factor, rate), rate / factor)
 
 
 def moving(dq: np.ndarray, guard: int) -> np.ndarray:

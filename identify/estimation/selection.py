@@ -1,9 +1,10 @@
 """Which processing suits these logs: decided inside the training logs, by cross-validation over short blocks.
 
-Two choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take the exact
-sign, or count every row and smooth the sign. Then the cut-off of the position. Each candidate is fitted on four fifths of
-the training logs and predicts the effort of the rest, five times over. The treatment of rest is judged on all samples, the
-cut-off on those where the joint moves, both by the rule of `scoring`. Test logs are never looked at.
+Two choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take
+the exact sign, or count every row and smooth the sign. Then the cut-off of the position. Each candidate is fitted
+on four fifths of the training logs and predicts the effort of the rest, five times over. The treatment of rest is
+judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`. Test logs are
+never looked at.
 """
 
 from __future__ import annotations

@@ -41,8 +41,8 @@ def consistent_links(robot: Robot, seed: int) -> np.ndarray:
 
 
 def cross_check_regressor(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
-    """Largest disagreement of the regressor with Pinocchio's (every entry) and with MuJoCo's inverse dynamics (torque of
-    invented links), relative to the largest value, over random samples."""
+    """Largest disagreement of the regressor with Pinocchio's (every entry) and with MuJoCo's inverse dynamics (torque
+    of invented links), relative to the largest value, over random samples."""
     regressor = Regressor(robot, friction=False)
     q, dq, ddq = random_states(robot, samples, seed)
     worst = scale = 0.0
@@ -63,7 +63,7 @@ def cross_check_regressor(robot: Robot, samples: int = SAMPLES, seed: int = 0) -
         "mujoco": {
             "max_abs_error": _relative(ours_torque, theirs_torque),
             "samples": samples,
-            "what": "torque of invented, physically consistent links against mj_inverse, relative to the largest torque",
+            "what": "torque of invented, consistent links against mj_inverse, relative to the largest torque",
         },
     }
 

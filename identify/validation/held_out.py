@@ -1,4 +1,4 @@
-"""What a result is worth on a log: residuals by the common rule, the nominal model beside it, and the curves to draw."""
+"""What a result is worth on a log: residuals by the common rule, the nominal model's beside them, curves to draw."""
 
 from __future__ import annotations
 

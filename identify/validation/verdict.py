@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 MEAN_LIMIT = 100.0
-"""Residual [% of the signal's standard deviation] of a model that predicts each joint's mean: worse than that is useless."""
+"""Residual [% of the signal's standard deviation] of a model that predicts each joint's mean."""
 
 WELL_KNOWN = 10.0
 """Relative standard deviation [%] below which a parameter counts as well identified (Gautier & Khalil 1992)."""
@@ -39,8 +39,8 @@ def verdict(record: dict[str, Any]) -> dict[str, Any]:
     if undetermined:
         actions.append(
             f"{len(undetermined)} of {len(record['base_parameters'])} base parameters are smaller than their standard "
-            f"deviation ({', '.join(undetermined[:4])}{' …' if len(undetermined) > 4 else ''}): take them as zero within "
-            "it, or record a longer or faster motion."
+            f"deviation ({', '.join(undetermined[:4])}{' …' if len(undetermined) > 4 else ''}): take them as zero "
+            "within it, or record a longer or faster motion."
         )
     return {"status": "warn" if reasons else "accept", "reasons": reasons, "uses": uses, "actions": actions[:3]}
 

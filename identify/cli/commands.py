@@ -1,0 +1,270 @@
+"""What each command does: read, hand to the workflow, write, and say so in a few lines. No mathematics."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from identify.cli.places import check_file, check_folder, parents_of
+from identify.cli.progress import progress_line
+from identify.errors import UnsupportedLogError
+
+if TYPE_CHECKING:
+    from identify.logs.log import Log
+
+UNSUPPORTED = UnsupportedLogError.exit_status
+
+
+def demo(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """The whole path on the simulated RX-90, into one folder."""
+    check_folder(options.output, "trajectory.toml", options.force)
+    from identify import workflow
+
+    with parents_of(options.output), progress_line(sys.stderr) as progress:
+        record = workflow.demo(options.output, force=options.force, progress=progress)
+    return _told_result(Path(options.output) / "result", record)
+
+
+def excite(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Design a motion and save it."""
+    check_file(options.output, (".toml",), options.force)
+    from identify import workflow
+    from identify.robot.library import load_robot
+
+    robot = load_robot(options.robot)
+    with parents_of(options.output):
+        with progress_line(sys.stderr) as progress:
+            trajectory = workflow.excite(
+                robot, options.criterion, duration=options.duration, seed=options.seed, progress=progress
+            )
+        trajectory.save(options.output)
+    print(
+        f"{options.output}: {trajectory.n} joints, {trajectory.harmonics} harmonics of "
+        f"{trajectory.fundamental_hz:g} Hz, {trajectory.periods} periods of {trajectory.period:g} s, "
+        f"{trajectory.rest:g} s at rest before and after"
+    )
+    if trajectory.note:
+        print(trajectory.note)
+    return 0
+
+
+def simulate(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Run a motion on the simulated robot; write the log, and the truth beside it."""
+    from identify.experiment.simulation import truth_path
+
+    truth = truth_path(options.output)
+    check_file(options.output, (".mcap",), options.force, [options.trajectory or ""])
+    check_file(str(truth), (".json",), options.force)
+    from identify import workflow
+    from identify.experiment.trajectory import Trajectory
+    from identify.robot.library import load_robot
+
+    robot = load_robot(options.robot)
+    trajectory = None if options.trajectory is None else Trajectory.load(options.trajectory)
+    with parents_of(options.output), progress_line(sys.stderr) as progress:
+        log = workflow.run_experiment(
+            robot,
+            options.output,
+            trajectory,
+            noise=options.noise,
+            seed=options.seed,
+            force=options.force,
+            progress=progress,
+        )
+    print(f"{_size(options.output, log)}, noise {options.noise}, seed {options.seed}")
+    print(f"{truth}: the true parameters")
+    _told_findings(log)
+    return 0
+
+
+def import_log(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Turn a table or a log into a log of our own, whole or in part."""
+    check_file(options.output, (".mcap", ".csv"), options.force, [options.table, options.map or ""])
+    from identify.logs.reading import read_log
+    from identify.logs.slicing import window
+
+    log = window(read_log(options.table, options.map), options.start, options.stop)
+    with parents_of(options.output):
+        log.save(options.output, force=options.force)
+    channels = ["position"]
+    channels += [name for name in ("velocity", "effort") if getattr(log, name) is not None]
+    print(f"{_size(options.output, log)}, {', '.join(channels)} of {', '.join(log.joints)}")
+    _told_findings(log)
+    return 0
+
+
+def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """What a log holds, what is odd about it, and whether it can support a fit."""
+    from identify.logs.reading import read_log
+    from identify.logs.triage import inspect as look_over
+    from identify.logs.triage import require_identifiable
+
+    joints, limits = None, None
+    if options.robot is not None:
+        from identify.robot.library import load_robot
+
+        robot = load_robot(options.robot)
+        joints, limits = robot.joint_names, {joint.name: joint.limits for joint in robot.joints}
+    log = read_log(options.log, options.map, joints)
+    found = look_over(log, limits)
+    try:
+        require_identifiable(log)
+        reasons: tuple[str, ...] = ()
+    except UnsupportedLogError as error:
+        reasons = error.reasons
+    if options.json:
+        _print_json({**found.as_dict(), "can_support_a_fit": not reasons, "reasons": list(reasons)})
+        return 0
+    print(found.summary())
+    print()
+    print("can't support a fit:" if reasons else "nothing here speaks against a fit")
+    for reason in reasons:
+        print(f"- {reason}")
+    return 0
+
+
+def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Identify, test, check and report into a result folder."""
+    names = [*options.logs, *options.test]
+    check_folder(options.output, "parameters.json", options.force, [*names, options.map or ""])
+    from identify import workflow
+    from identify.logs.reading import read_log
+    from identify.robot.library import load_robot
+
+    robot = load_robot(options.robot)
+    tables = [name for name in names if not name.lower().endswith(".mcap")] or names
+    logs = [read_log(name, options.map if name in tables else None, robot.joint_names) for name in names]
+    with parents_of(options.output), progress_line(sys.stderr) as progress:
+        record = workflow.fit_to_folder(
+            logs[: len(options.logs)],
+            robot,
+            options.output,
+            test=logs[len(options.logs) :],
+            model=options.model,
+            estimator=options.estimator,
+            force=options.force,
+            command=shlex.join(["identify", *arguments]),
+            progress=progress,
+        )
+    if options.json:
+        _print_json(record)
+        return UNSUPPORTED if _rejected(record) else 0
+    return _told_result(Path(options.output), record)
+
+
+def predict(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """The torque that a fitted model expects for a motion; effort is never read."""
+    check_file(options.output, (".csv",), options.force, [options.log, options.map or ""])
+    from identify.estimation.identification import Identification
+    from identify.logs.reading import read_log
+    from identify.logs.writing import write_table
+
+    result = Identification.load(options.result)
+    log = read_log(options.log, options.map, result.robot.joint_names, effort=False)
+    torque = result.predict(log)
+    with parents_of(options.output):
+        header = ["t", *(f"tau{j}" for j in range(1, torque.shape[1] + 1))]
+        write_table(options.output, header, log.time, torque)
+    units = [joint.effort_unit for joint in result.robot.joints]
+    if options.json:
+        _print_json(
+            {
+                "output": options.output,
+                "result": options.result,
+                "log": {"path": log.source, "sha256": log.sha256, "dropped": log.dropped},
+                "samples": log.samples,
+                "duration_s": log.duration,
+                "joints": list(log.joints),
+                "units": units,
+                "largest": [float(value) for value in abs(torque).max(axis=0)],
+                "findings": list(log.findings),
+            }
+        )
+        return 0
+    print(f"{_size(options.output, log)}")
+    for joint, unit, column in zip(log.joints, units, torque.T, strict=True):
+        print(f"  {joint:<16} {column.min():10.3f} to {column.max():10.3f} {unit}")
+    _told_findings(log)
+    return 0
+
+
+def check(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """The equations of a robot against two other libraries."""
+    from identify.robot.library import load_robot
+    from identify.validation.cross_check import check_robot
+
+    found = check_robot(load_robot(options.robot))
+    if options.json:
+        _print_json(found)
+    else:
+        print(f"{found['robot']}: {found['base_parameters']} base parameters, numeric rank {found['rank']}")
+        for name, key in (("Pinocchio", "pinocchio"), ("MuJoCo", "mujoco")):
+            engine = found[key]
+            print(
+                f"  {name:<10} not compared: {found[f'{key}_reason']}"
+                if engine is None
+                else f"  {name:<10} differs by {engine['max_abs_error']:.1e} of the torque scale at most, "
+                f"over {engine['samples']:,} random states"
+            )
+        print("all agree" if found["agree"] else "they do NOT agree")
+    return 0 if found["agree"] else UNSUPPORTED
+
+
+def report(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Write the report of a result folder anew."""
+    from identify import workflow
+
+    print(workflow.write_report(options.result))
+    return 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
+    "demo": demo,
+    "excite": excite,
+    "simulate": simulate,
+    "import": import_log,
+    "inspect": inspect,
+    "fit": fit,
+    "predict": predict,
+    "check": check,
+    "report": report,
+}
+
+
+def _rejected(record: dict[str, Any]) -> bool:
+    return record["verdict"]["status"] == "reject"
+
+
+def _told_result(folder: Path, record: dict[str, Any]) -> int:
+    """Say what is in a result folder that was just written; the exit status."""
+    if _rejected(record):
+        print("reject: no parameters, as the input can't support a result")
+        for reason in record["verdict"]["reasons"]:
+            print(f"- {reason}")
+    else:
+        from identify.estimation.identification import Identification
+
+        print(Identification.load(folder).summary())
+    print()
+    print(f"parameters: {folder / 'parameters.json'}")
+    print(f"report:     {folder / 'report.html'}")
+    return UNSUPPORTED if _rejected(record) else 0
+
+
+def _size(path: str, log: Log) -> str:
+    return f"{path}: {log.samples:,} samples in {log.duration:.3f} s"
+
+
+def _told_findings(log: Log) -> None:
+    for finding in log.findings:
+        print(f"- {finding}")
+
+
+def _print_json(value: dict[str, Any]) -> None:
+    import json
+
+    print(json.dumps(value, allow_nan=False))

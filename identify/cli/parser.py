@@ -1,0 +1,264 @@
+"""The commands, their options, and the help that explains them."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any, NoReturn
+
+from identify import __version__
+
+ESTIMATORS = ("ols", "wls")
+NOISES = ("none", "standard", "high")
+
+_ROBOT = "built-in name (rx90, tx40), or a .toml or .urdf file"
+_LOG = "MCAP file with sensor_msgs/msg/JointState, or with --map a table"
+_MAP = "TOML file that says what the columns of a table mean"
+
+_DESCRIPTION = "Inertial and friction parameters of a robot arm from its logs."
+_EPILOG = """\
+One robot, two commands:
+  identify inspect run.mcap --robot my_arm.urdf
+  identify fit run.mcap --robot my_arm.urdf --test other.mcap -o result
+
+`identify COMMAND --help` explains a command and gives an example.
+
+Exit status: 0 done; 1 the input was read and can't support a result; 2 the input can't be used;
+3 a defect of identify itself (IDENTIFY_DEBUG=1 shows where); 130 interrupted.
+"""
+
+
+class UsageError(Exception):
+    """The command line makes no sense; the message is one line."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """A parser that leaves it to `main` how an error is shown."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError(f"{message}; see `{self.prog} --help`")
+
+
+def build_parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line; `command` is the name of the command chosen."""
+    parser = _Parser(
+        prog="identify",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"identify {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
+    for add in (_demo, _excite, _simulate, _import, _inspect, _fit, _predict, _check, _report):
+        add(commands)
+    return parser
+
+
+def _command(commands: Any, name: str, summary: str, text: str, example: str) -> argparse.ArgumentParser:
+    return commands.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.\n\n{text}",
+        epilog=f"example:\n  {example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+
+
+def _demo(commands: Any) -> None:
+    command = _command(
+        commands,
+        "demo",
+        "simulate the RX-90, identify it and write the report",
+        "Designs an excitation, runs it and an unseen trajectory in MuJoCo with noise, writes both logs, fits the\n"
+        "first and tests on the second. DIR gets trajectory.toml, train.mcap, test.mcap and result/.",
+        "identify demo -o demo",
+    )
+    _output(command, "DIR", "folder to write", default="demo")
+
+
+def _excite(commands: Any) -> None:
+    command = _command(
+        commands,
+        "excite",
+        "design a motion from which parameters can be learnt",
+        "A periodic Fourier motion, at rest at both ends, inside the robot's limits of position, velocity,\n"
+        "acceleration and effort.",
+        "identify excite rx90 -o trajectory.toml --criterion torque --seed 1",
+    )
+    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _output(command, "TRAJECTORY.toml", "file to write")
+    command.add_argument(
+        "--criterion",
+        choices=("torque", "energy", "both"),
+        default="torque",
+        help="model whose parameters the motion is designed for (default: %(default)s)",
+    )
+    command.add_argument(
+        "--duration", type=_duration, default=10.0, metavar="S", help="length of one period (default: %(default)g s)"
+    )
+    _seed(command, "of the design's random start")
+
+
+def _simulate(commands: Any) -> None:
+    command = _command(
+        commands,
+        "simulate",
+        "run a motion on the simulated robot and log it",
+        "A MuJoCo plant with the robot's inertias, drives and friction under closed-loop control, measured at 1 kHz.\n"
+        "Writes LOG.mcap and, beside it, LOG.truth.json with the true parameters, which no fit reads.",
+        "identify simulate rx90 --trajectory trajectory.toml --noise high -o run.mcap",
+    )
+    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _output(command, "LOG.mcap", "log to write")
+    command.add_argument(
+        "--trajectory", metavar="TRAJECTORY.toml", help="motion, as `identify excite` writes it (default: design one)"
+    )
+    command.add_argument("--noise", choices=NOISES, default="standard", help="sensor noise (default: %(default)s)")
+    _seed(command, "of the noise")
+
+
+def _import(commands: Any) -> None:
+    command = _command(
+        commands,
+        "import",
+        "turn a table, or part of a log, into a log in SI on the joint side",
+        "TABLE is a CSV, TSV or NPZ file, or a folder of them; an MCAP log serves too. A .csv output has the columns\n"
+        "t,q1…,[dq1…],[tau1…]. Seconds count from the first sample, and the output counts anew from zero.",
+        "identify import measured.csv --map measured.toml -o run.mcap --start 2 --stop 30",
+    )
+    command.add_argument("table", metavar="TABLE", help="table, folder of tables, or log")
+    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; needed for tables that identify did not write")
+    _output(command, "LOG", "log to write, .mcap or .csv")
+    command.add_argument("--start", type=_seconds, metavar="S", help="leave out what comes before S seconds")
+    command.add_argument("--stop", type=_seconds, metavar="S", help="leave out what comes at S seconds or later")
+
+
+def _inspect(commands: Any) -> None:
+    command = _command(
+        commands,
+        "inspect",
+        "look a log over before anything is computed",
+        "What the log holds, joint by joint, what is odd about it, and whether it can support a fit. With --robot,\n"
+        "its joints are looked for and its limits held against the motion.",
+        "identify inspect run.mcap --robot rx90",
+    )
+    command.add_argument("log", metavar="LOG", help=_LOG)
+    command.add_argument("--robot", metavar="ROBOT", help=_ROBOT)
+    command.add_argument("--map", metavar="MAP.toml", help=_MAP)
+    _json(command)
+
+
+def _fit(commands: Any) -> None:
+    command = _command(
+        commands,
+        "fit",
+        "identify the parameters from one or more logs",
+        "DIR gets parameters.json and report.html. Logs given with --test are fitted by no one: they say how wrong\n"
+        "the model is on motion it has not seen. A log that can't support a result gives a DIR with the verdict\n"
+        "reject, its reasons and no parameters, and exit status 1.",
+        "identify fit run1.mcap run2.mcap --robot my_arm.urdf --test other.mcap -o result",
+    )
+    command.add_argument("logs", metavar="LOG", nargs="+", help=_LOG)
+    command.add_argument("--robot", metavar="ROBOT", required=True, help=_ROBOT)
+    _output(command, "DIR", "result folder to write")
+    command.add_argument(
+        "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test the result on"
+    )
+    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; holds for every LOG that is a table")
+    command.add_argument(
+        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
+    )
+    command.add_argument(
+        "--estimator",
+        choices=(*ESTIMATORS, "all"),
+        default="wls",
+        help="ordinary or weighted least squares, or all of them side by side (default: %(default)s)",
+    )
+    _json(command)
+
+
+def _predict(commands: Any) -> None:
+    command = _command(
+        commands,
+        "predict",
+        "the torque that a fitted model expects for the motion of a log",
+        "Reads position, and velocity where the log has it; never effort. Writes t,tau1,…, one row for every usable\n"
+        "sample, t in seconds from the log's first sample.",
+        "identify predict result other.mcap -o torque.csv",
+    )
+    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+    command.add_argument("log", metavar="LOG", help=_LOG)
+    _output(command, "TORQUE.csv", "table to write")
+    command.add_argument("--map", metavar="MAP.toml", help=_MAP)
+    _json(command)
+
+
+def _check(commands: Any) -> None:
+    command = _command(
+        commands,
+        "check",
+        "hold the equations of a robot against Pinocchio and MuJoCo",
+        "Derives the base parameters, compares their number with the rank of a numeric regressor, and torques on\n"
+        "random states with both libraries. Exit status 1 where they disagree.",
+        "identify check my_arm.urdf",
+    )
+    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _json(command)
+
+
+def _report(commands: Any) -> None:
+    command = _command(
+        commands,
+        "report",
+        "write report.html of a result folder anew",
+        "Reads parameters.json and the curves beside it; computes nothing.",
+        "identify report result",
+    )
+    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+
+
+def _output(command: argparse.ArgumentParser, metavar: str, text: str, default: str | None = None) -> None:
+    shown = f"{text} (default: {default})" if default else text
+    command.add_argument(
+        "-o", "--output", metavar=metavar, required=default is None, default=default, type=_path, help=shown
+    )
+    command.add_argument("--force", action="store_true", help="replace what is there already, whole or not at all")
+
+
+def _json(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+
+
+def _seed(command: argparse.ArgumentParser, what: str) -> None:
+    command.add_argument("--seed", type=_whole, default=0, metavar="N", help=f"seed {what} (default: %(default)s)")
+
+
+def _path(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty")
+    return text
+
+
+def _whole(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
+    return value
+
+
+def _duration(text: str) -> float:
+    value = _seconds(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time above 0 s")
+    return value

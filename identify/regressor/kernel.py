@@ -53,9 +53,8 @@ class Kernel:
         values (entries, m). They lie in a buffer that its next call uses again."""
 
         def evaluate_one(*signals: np.ndarray, constants: Sequence[float] = ()) -> np.ndarray:
-            return np.array(self._single([*(x for s in signals for x in s[0].tolist()), *map(float, constants)]))[
-                :, None
-            ]
+            inputs = np.concatenate([*(signal[0] for signal in signals), constants])
+            return np.array(self._single(inputs.tolist()))[:, None]
 
         if samples == 1:
             return evaluate_one

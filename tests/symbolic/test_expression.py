@@ -60,7 +60,7 @@ def test_constants_are_computed() -> None:
     assert graph.symbol("x").value is None
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(programs(ARITHMETIC), points)
 def test_folding_changes_no_bit_of_arithmetic(program: Program, point: tuple[float, ...]) -> None:
     direct = run(program, [*point, *CONSTANTS], math.cos, math.sin)
@@ -80,7 +80,7 @@ def test_only_what_outputs_read_is_evaluated() -> None:
         evaluate([dead], {"x": 0.5})
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(programs(longest=14), points, st.integers(0, 2))
 def test_gradient_is_the_complex_step_derivative(program: Program, point: tuple[float, ...], which: int) -> None:
     """Im f(x + i·h)/h at h = 1e-100 has no truncation and no cancellation error (Squire & Trapp 1998)."""

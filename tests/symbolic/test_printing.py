@@ -31,7 +31,7 @@ def reference(outputs: list[Expression], x: np.ndarray = X) -> np.ndarray:
     return np.array([evaluate(outputs, dict(zip(SYMBOLS, column, strict=True))) for column in x.T]).T
 
 
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=150, deadline=None, derandomize=True)
 @given(programs(ARITHMETIC, longest=40), st.lists(st.integers(0, 47), min_size=1, max_size=12))
 def test_rows_used_again_corrupt_nothing(program: Program, chosen: list[int]) -> None:
     """Any values may be outputs: inner ones, repeated ones, symbols, constants. Arithmetic agrees to the bit."""
@@ -52,7 +52,7 @@ def test_cosines_and_sines_agree(program: Program) -> None:
     np.testing.assert_allclose(printed(expressions), expected, rtol=0, atol=1e-9)
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(programs(longest=30), st.lists(st.integers(0, 37), max_size=8))
 def test_code_for_one_sample_agrees_to_the_bit(program: Program, chosen: list[int]) -> None:
     expressions = on_expressions(program)

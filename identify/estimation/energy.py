@@ -6,7 +6,7 @@ friction at rest stays outside by itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,9 +30,10 @@ class EnergyObservation:
 
 
 def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> EnergyObservation:
-    """The log's energy rows over windows of settings.window_s, which do not overlap."""
+    """The log's energy rows over windows of settings.window_s, position low-passed at energy_cutoff_hz."""
     assert settings.window_s is not None
-    s = signals(log, settings)
+    assert settings.energy_cutoff_hz is not None
+    s = signals(log, replace(settings, position_cutoff_hz=settings.energy_cutoff_hz))
     width = max(1, round(settings.window_s * s.rate))
     first = round(END_S * s.rate)
     windows = (len(s.time) - 2 * first - 1) // width

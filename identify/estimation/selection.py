@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ GAP_S = 0.1
 SMOOTHING = (0.02, 0.05, 0.1)
 CUTOFFS_HZ = (15.0, 20.0, 25.0, 30.0, 40.0, 60.0, 100.0)
 WINDOWS_S = (0.05, 0.1, 0.2)
+ENERGY_CUTOFFS_HZ = (5.0, 8.0, 10.0, 15.0, 20.0, 40.0)
 
 Progress = Callable[[float, str], None] | None
 
@@ -91,11 +93,11 @@ def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Setting
 def choose_window(
     regressor: Regressor, logs: Sequence[Log], settings: Settings
 ) -> tuple[Settings, list[dict[str, Any]]]:
-    """Settings of the energy model: the window whose parameters predict the training logs' effort best."""
+    """Settings of the energy model: window and cut-off whose parameters predict the training logs' effort best."""
     tried: list[dict[str, Any]] = []
     pieces = [signals(log, settings) for log in logs]
-    for window in WINDOWS_S:
-        candidate = replace(settings, window_s=window)
+    for cutoff, window in product(ENERGY_CUTOFFS_HZ, WINDOWS_S):
+        candidate = replace(settings, window_s=window, energy_cutoff_hz=cutoff)
         try:
             rows = stacked_energy([energy_observation(regressor, log, candidate) for log in logs])
             parameters = energy_least_squares(rows).parameters

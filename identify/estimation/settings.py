@@ -21,7 +21,8 @@ class Settings:
     effort and of every column of the observation matrix, which is then decimated to decimated_rate_hz (Gautier 1997).
     coulomb_velocity: None for the exact sign of the velocity; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
     rest_counted: whether rows of a joint at rest are used; if not, they and those within guard_s of them are set to
-    zero on both sides before the parallel filter. window_s: length of the energy model's windows.
+    zero on both sides before the parallel filter. window_s: length of the energy model's windows; energy_cutoff_hz:
+    low-pass of the position for its energies, which want less noise and need no acceleration.
     """
 
     position_cutoff_hz: float = 40.0
@@ -31,6 +32,7 @@ class Settings:
     rest_counted: bool = False
     guard_s: float = 0.025
     window_s: float | None = None
+    energy_cutoff_hz: float | None = None
 
     @property
     def sign(self) -> Sign:

@@ -216,9 +216,9 @@ def check(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 def report(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Write the report of a result folder anew."""
-    from identify import workflow
+    from identify.report.page import write
 
-    print(workflow.write_report(options.result))
+    print(write(options.result))
     return 0
 
 

@@ -11,10 +11,11 @@ import numpy as np
 
 from identify import __version__
 from identify.estimation.fitting import Fit, ModelFit
-from identify.estimation.identification import FORMAT
+from identify.estimation.identification import FORMAT, FRICTION
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
+from identify.symbolic.formula import formula
 from identify.validation.verdict import WELL_KNOWN
 
 PACKAGES = ("numpy", "scipy", "sympy", "pin", "mujoco", "mcap", "matplotlib", "clarabel")
@@ -80,6 +81,7 @@ def parameters(
     """Base, friction and transmission parameters with their uncertainty, and the covariance."""
     estimate, robot = fit.estimate, regressor.robot
     count = len(regressor.base.names)
+    at = {name: i for i, name in enumerate(regressor.names)}
     relative = 100 * estimate.std / np.maximum(np.abs(estimate.parameters), 1e-300)
 
     def entry(i: int) -> dict[str, Any]:
@@ -95,7 +97,7 @@ def parameters(
     base = [
         {
             "name": name,
-            "grouping": str(regressor.base.grouping[name]).replace("**", "^"),
+            "grouping": formula(regressor.base.grouping[name], robot.standard_names[regressor.base.kept[i]]),
             "link": regressor.base.kept[i] // 11 + 1,
             **entry(i),
             "prior": None if prior is None else float(prior[i]),
@@ -103,11 +105,16 @@ def parameters(
         for i, name in enumerate(regressor.base.names)
     ]
     friction = []
-    for j, joint in enumerate(robot.joints):
-        at = count + 3 * j
-        parts = {key: entry(at + k) for k, key in enumerate(("viscous", "coulomb", "offset"))}
-        friction.append({"joint": joint.name, **parts})
-    coupled = range(count + 3 * robot.n, len(regressor.names))
+    for j, joint in enumerate(robot.joints, 1):
+        row: dict[str, Any] = {"joint": joint.name}
+        for key, letters in FRICTION:
+            name = f"{letters}{j}"
+            row[key] = entry(at[name]) if name in at else None
+            if name not in at:
+                others = ", ".join(regressor.dropped[name])
+                row[f"{key}_reason"] = f"{name} can't be told from {others}, which hold it"
+        friction.append(row)
+    coupled = [i for i in range(count, len(regressor.names)) if regressor.names[i][:3] in ("Iam", "Fvm", "Fsm")]
     result: dict[str, Any] = {
         "names": list(regressor.names),
         "base_parameters": base,

@@ -20,6 +20,9 @@ from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 
 FORMAT = "identify/parameters/1"
+FRICTION = (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off"))
+"""Keys of a joint's friction in the record, and the letters of their columns."""
+
 RECORD, CURVES, ROBOT = "parameters.json", "curves.npz", "robot.toml"
 
 
@@ -72,11 +75,12 @@ class Identification:
         if record["verdict"]["status"] == "reject" or not record.get("names"):
             raise InputError(f"{folder}: the log was refused, so there are no parameters; see {folder / RECORD}")
         try:
-            values = [b["estimate"] for b in record["base_parameters"]]
-            values += [f[k]["estimate"] for f in record["friction"] for k in ("viscous", "coulomb", "offset")]
-            values += [t["estimate"] for t in record["transmission"]]
+            rows = [*record["base_parameters"], *record["transmission"]]
+            values = {row["name"]: row["estimate"] for row in rows}
+            for j, row in enumerate(record["friction"], 1):
+                values |= {f"{c}{j}": row[k]["estimate"] for k, c in FRICTION if row[k] is not None}
             covariance = np.array(record["covariance"], dtype=float)
-            parameters = np.array(values, dtype=float)
+            parameters = np.array([values[name] for name in record["names"]], dtype=float)
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(f"{folder / RECORD}: {error!r} is missing or no number; fit again") from error
         names = tuple(record["names"])

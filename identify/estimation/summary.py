@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from identify.estimation.identification import FRICTION
 from identify.report.numbers import DASH, estimate, significant
 
 
@@ -42,7 +43,7 @@ def _residuals(record: dict[str, Any]) -> list[str]:
 def _parameters(record: dict[str, Any]) -> list[str]:
     rows = [(b["name"], b) for b in record["base_parameters"]]
     for j, joint in enumerate(record["friction"], 1):
-        rows += [(f"{name}{j}", joint[key]) for name, key in (("Fv", "viscous"), ("Fs", "coulomb"), ("off", "offset"))]
+        rows += [(f"{name}{j}", joint[key]) for key, name in FRICTION if joint[key] is not None]
     rows += [(t["name"], t) for t in record["transmission"]]
     condition = record["fit"]["condition_number"]
     settings = record["settings"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
@@ -70,10 +71,17 @@ class Regressor:
     def parameters(self) -> np.ndarray:
         """(p,) θ as the robot's description states it: links and drives, no inertia or friction of coupled motors."""
         drives = {f"{c}{j + 1}": x for j, joint in enumerate(self.robot.joints) for c, x in _friction(joint.drive)}
-        theta = np.array([*(self.base.matrix @ self.robot.standard), *(drives.get(k, 0.0) for k in self._extra_names)])
+        return self.theta(self.robot.standard, drives)
+
+    def theta(self, standard: np.ndarray, extra: Mapping[str, float]) -> np.ndarray:
+        """(p,) θ from standard parameters (11 n,) and values of friction, offset and transmission columns by name.
+
+        A name that is not in `extra` counts as zero; dropped ones are folded into what they are combinations of.
+        """
+        theta = np.array([*(self.base.matrix @ standard), *(extra.get(name, 0.0) for name in self._extra_names)])
         for name, factors in self.dropped.items():
             for kept, factor in factors.items():
-                theta[self.names.index(kept)] += factor * drives.get(name, 0.0)
+                theta[self.names.index(kept)] += factor * extra.get(name, 0.0)
         return theta
 
     def torque(

@@ -27,13 +27,7 @@ def nominal_parameters(regressor: Regressor) -> np.ndarray | None:
     robot = regressor.robot
     if not any(joint.link.mass for joint in robot.joints):
         return None
-    theta = np.zeros(len(regressor.names))
-    theta[: len(regressor.base.names)] = regressor.base.matrix @ robot.standard
-    at = {name: i for i, name in enumerate(regressor.names)}
-    for j, joint in enumerate(robot.joints, 1):
-        for name, value in (("Fv", joint.drive.viscous), ("Fs", joint.drive.coulomb), ("off", joint.drive.offset)):
-            theta[at[f"{name}{j}"]] = value
-    return theta
+    return regressor.parameters
 
 
 def figures(

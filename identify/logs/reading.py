@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from identify.errors import LogError
 from identify.logs.cleaning import clean
 from identify.logs.files import digest
@@ -43,7 +45,15 @@ def read_log(
         log = _read(path, map, joints, topic, effort)
     except OSError as error:
         raise LogError(f"{path}: can't be read: {error.strerror or error}") from error
-    return clean(log if joints is None else select(log, joints))
+    return clean(log) if joints is None else _whole(clean(select(log, joints)))
+
+
+def _whole(log: Log) -> Log:
+    """The log, if each of its joints has a position. Raises LogError otherwise."""
+    blind = [name for name, finite in zip(log.joints, np.isfinite(log.position).all(axis=0), strict=True) if not finite]
+    if blind:
+        raise LogError(f"{log.source}: too many NaN: no position of {', '.join(blind)} is a number; record again")
+    return log
 
 
 def _read(

@@ -179,6 +179,16 @@ def test_a_channel_of_nan_counts_as_absent():
     assert cleaned.samples == 200
 
 
+def test_a_wanted_joint_without_a_position_is_refused_and_one_that_is_not_wanted_is_no_matter(tmp_path):
+    log = make_log(300)
+    position = log.position.copy()
+    position[:, 2] = np.nan
+    replace(log, position=position).save(tmp_path / "a.mcap")
+    text = refusal(tmp_path / "a.mcap", joints=["w4", "elbow_3"])
+    assert "too many NaN: no position of elbow_3 is a number" in text
+    assert read_log(tmp_path / "a.mcap", joints=["w4", "β"]).samples == 300
+
+
 def test_gaps_in_velocity_are_filled_from_position():
     log = make_log(200, ("a", "b"))
     time = log.time

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]
 
+RESIDUALS = ("relative_residual_percent", "moving_relative_residual_percent")
+
 
 def excite(
     robot: Robot, criterion: str = "torque", duration: float = 10.0, seed: int = 0, progress: Progress = None
@@ -189,7 +191,7 @@ def _identified(
     progress: Progress,
 ) -> Identification:
     from identify import record as records
-    from identify.estimation.fitting import agreement, fit_models
+    from identify.estimation.fitting import ALL, agreement, fit_models
     from identify.estimation.identification import Identification
     from identify.regressor.regressor import Regressor
     from identify.validation import cross_check, held_out
@@ -244,10 +246,28 @@ def _identified(
     }
     if not tests:
         record["test_reason"] = "no held-out log was given"
+    if estimator == ALL and both.torque:
+        record["estimators"] = _side_by_side(regressor, both.torque, train, test)
     record["verdict"] = verdict(record)
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
     )
+
+
+def _side_by_side(regressor: Regressor, torque: ModelFit, train: list[Log], test: list[Log]) -> list[dict[str, Any]]:
+    """Every estimator of the torque model with the same settings: its residuals on training and held-out logs."""
+    from identify.estimation.fitting import ESTIMATORS, fit_torque
+    from identify.validation.held_out import figures
+
+    rows = []
+    for name in ESTIMATORS:
+        each = fit_torque(regressor, train, torque.settings, name)
+        row: dict[str, Any] = {"estimator": name, "condition_number": each.estimate.condition_number}
+        for role, logs in (("train", train), ("test", test)):
+            found = figures(regressor, logs, each.estimate.parameters, each.settings)[0] if logs else {}
+            row[role] = {k: found[k] for k in RESIDUALS} if found else None
+        rows.append(row)
+    return rows
 
 
 def _chosen(both: Fit, model: str) -> ModelFit:

@@ -25,6 +25,8 @@ from identify.regressor.regressor import Regressor
 MODELS = ("torque", "energy")
 ESTIMATORS = {"ols": "ordinary least squares", "wls": "weighted least squares, one noise level a joint"}
 DEFAULT_ESTIMATOR = "wls"
+ALL = "all"
+"""Asks for every estimator side by side; the default one gives the result."""
 ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
 
 Progress = Callable[[float, str], None] | None
@@ -55,8 +57,8 @@ def check_choice(model: str, estimator: str | None) -> None:
     """InputError for a model or estimator that there is not."""
     if model not in MODELS:
         raise InputError(f"model is {model!r}; choose one of {', '.join(MODELS)}")
-    if estimator is not None and estimator not in ESTIMATORS:
-        raise InputError(f"estimator is {estimator!r}; choose one of {', '.join(ESTIMATORS)}")
+    if estimator is not None and estimator not in (*ESTIMATORS, ALL):
+        raise InputError(f"estimator is {estimator!r}; choose one of {', '.join(ESTIMATORS)} or {ALL}")
 
 
 def fit_models(
@@ -67,7 +69,7 @@ def fit_models(
     settings, tried = choose_settings(regressor, logs, progress=progress)
     torque = energy = None
     try:
-        torque = fit_torque(regressor, logs, settings, estimator or DEFAULT_ESTIMATOR)
+        torque = fit_torque(regressor, logs, settings, DEFAULT_ESTIMATOR if estimator in (None, ALL) else estimator)
     except UnsupportedLogError as error:
         if model == "torque":
             raise

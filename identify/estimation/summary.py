@@ -19,6 +19,8 @@ def summary(record: dict[str, Any]) -> str:
     if verdict["status"] == "reject":
         return "\n".join([*lines, "", *(f"- {reason}" for reason in verdict["reasons"] + verdict["actions"])])
     lines += ["", *_residuals(record), "", *_parameters(record), ""]
+    if record.get("estimators"):
+        lines += [*_estimators(record["estimators"]), ""]
     lines += [f"- {use['use']}: {use['status']}, {use['result']}" for use in verdict["uses"]]
     lines += [f"- {text}" for text in [*verdict["reasons"], *verdict["actions"]]]
     return "\n".join(lines)
@@ -38,6 +40,19 @@ def _residuals(record: dict[str, Any]) -> list[str]:
     total = "".join(f"{significant(t['moving_relative_residual_percent']):>15}{'':>13}" for _, t in tables)
     everything = "".join(f"{significant(t['relative_residual_percent']):>15}{'':>13}" for _, t in tables)
     return [*lines, f"{'moving':<10}{total}  % of the torque", f"{'all':<10}{everything}  % of the torque"]
+
+
+def _estimators(rows: list[dict[str, Any]]) -> list[str]:
+    """Every estimator's residuals, in percent of the torque, moving."""
+    lines = [f"{'estimator':<10}{'train moving':>15}{'test moving':>15}{'condition':>12}"]
+    for row in rows:
+        cells = (significant((row[role] or {}).get("moving_relative_residual_percent")) for role in ("train", "test"))
+        lines.append(
+            f"{row['estimator']:<10}"
+            + "".join(f"{c:>15}" for c in cells)
+            + f"{significant(row['condition_number']):>12}"
+        )
+    return lines
 
 
 def _parameters(record: dict[str, Any]) -> list[str]:

@@ -153,8 +153,9 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
 def require_identifiable(log: Log, joints: Sequence[str] | None = None) -> None:
     """Raise UnsupportedLogError, with every reason, where the log can't support a result whatever the robot is.
 
-    joints: those to be identified, by default all of the log's. Refused: no or dead effort on a joint that
-    moves, no joint that moves, less than LEAST_MOTION seconds of motion, fewer than LEAST_SAMPLES samples.
+    joints: those to be identified, by default all of the log's. Refused: a joint without position, no or dead
+    effort on a joint that moves, no joint that moves, less than LEAST_MOTION seconds of motion, fewer than
+    LEAST_SAMPLES samples.
     """
     from identify.logs.slicing import select
 
@@ -170,6 +171,9 @@ def require_identifiable(log: Log, joints: Sequence[str] | None = None) -> None:
             f"the log is too short: its joints move for {found.motion:.2f} s in all, "
             f"and at least {LEAST_MOTION:g} s of motion are needed"
         )
+    blind = [facts.joint for facts in found.joints if math.isnan(facts.position_min)]
+    if blind:
+        reasons.append(f"the log holds no position of {', '.join(blind)}; record it, or leave the joint out")
     dead = [facts.joint for facts in moving if facts.effort_dead]
     if not found.has_effort:
         reasons.append("the log holds no effort, so that there is nothing to explain; record torque or current too")

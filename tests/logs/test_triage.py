@@ -109,6 +109,7 @@ def test_a_velocity_that_never_changes_is_found():
     ("change", "reasons"),
     [
         (lambda log: replace(log, position=log.position * 0.003), ["the log is static"]),
+        (lambda log: replace(log, position=log.position * [1.0, np.nan]), ["no position of b"]),
         (lambda log: replace(log, effort=None), ["holds no effort"]),
         (lambda log: replace(log, effort=log.effort * [1.0, 0.0]), ["the effort of b never changes"]),
         (lambda log: replace(log, effort=log.effort * 0.0 + 3.7), ["the effort of a, b never changes"]),

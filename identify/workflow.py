@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from identify.estimation.fitting import Fit, ModelFit
     from identify.estimation.identification import Identification
     from identify.experiment.trajectory import Trajectory
+    from identify.regressor.regressor import Regressor
 
 Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]

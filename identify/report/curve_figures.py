@@ -40,7 +40,7 @@ def panel(
     start, stop = _extent(time)
     shown = [measured] if predicted is None else [measured, predicted]
     upper = drawing.add_axes(figure, LEFT, 18, width, 120)
-    drawing.scale(upper, "y", *drawing.span_of(shown))
+    drawing.scale(figure, upper, "y", *drawing.span_of(shown))
     drawing.write(figure, 2, 10, f"{effort_name(joint)} [{joint['effort_unit']}]")
     _shade(upper, spans(time, rest))
     upper.plot(*envelope(time, measured, bins), color=drawing.colour("measured"), linewidth=1.5)
@@ -52,16 +52,12 @@ def panel(
         name = f"error [{joint['effort_unit']}]" if tone == "error" else f"position [{joint['position_unit']}]"
         drawing.write(figure, 2, 154, name)
         strip = drawing.add_axes(figure, LEFT, 161, width, 42)
-        drawing.scale(strip, "y", *drawing.span_of([lower], symmetric=tone == "error"), most=3)
+        drawing.scale(figure, strip, "y", *drawing.span_of([lower], symmetric=tone == "error"), most=3)
         _shade(strip, spans(time, rest))
         strip.plot(*envelope(time, lower, bins), color=drawing.colour(tone), linewidth=1.0)
-        upper.spines["bottom"].set_visible(False)
-        upper.tick_params(axis="x", length=0, labelbottom=False)
         last, foot = strip, 203.0
-    for axes in dict.fromkeys((upper, last)):
-        drawing.scale(axes, "x", start, stop, most=6, rules=False)
-    if last is not upper:
-        upper.set_xticks([])
+        drawing.scale(figure, upper, "x", start, stop, bare=True)
+    drawing.scale(figure, last, "x", start, stop, most=6, rules=False)
     drawing.write(figure, drawing.WIDTH - RIGHT, foot + 30, "time [s]", "right")
     return drawing.svg(figure, key, _label(joint, row, predicted is not None, stop - start))
 
@@ -99,8 +95,7 @@ def heat_strip(arrays: Mapping[str, np.ndarray], joints: Sequence[Mapping[str, A
     start, stop = _extent(time)
     step = (stop - start) / columns
     axes.set_ylim(len(joints), 0)
-    axes.set_yticks([])
-    drawing.scale(axes, "x", start, stop, most=8, rules=False)
+    drawing.scale(figure, axes, "x", start, stop, most=8, rules=False)
     for level, strength in enumerate(STRENGTHS):
         found = [
             (start + a * step, k + 0.08, (b - a) * step, 0.84)

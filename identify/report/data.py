@@ -7,7 +7,7 @@ from typing import Any
 
 from identify.report import data_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, listing, prose, sentence, table, unit
-from identify.report.numbers import DASH, count, finite, given, percent, significant
+from identify.report.numbers import DASH, count, finite, given, interval, percent, significant
 from identify.report.record import UNKNOWN, Record, items, joints, part, reason, rejected, short
 
 DONE = (
@@ -102,8 +102,8 @@ def _coverage_table(rows: Sequence[Mapping[str, Any]], robot: Sequence[Mapping[s
     for row in rows:
         joint = by_name.get(str(row.get("joint")), {})
         cells = [esc(row.get("joint", ""))] + ([] if one else [esc(joint.get("position_unit", ""))])
-        pair = [significant(x, 3) for x in items(row, "position")]
-        values = [" to ".join(pair) or DASH, *(given(row.get(key), 3) for key in ("velocity_max", "acceleration_max"))]
+        pair = (*items(row, "position"), None, None)[:2]
+        values = [interval(*pair), *(given(row.get(key), 3) for key in ("velocity_max", "acceleration_max"))]
         for what, value in zip(names, values, strict=True):
             share = finite(row.get(f"{what}_limit_percent"))
             why = reason(row, f"{what}_limit_percent")
@@ -137,7 +137,10 @@ def _done(record: Record) -> str:
 
 
 def _candidates(settings: Mapping[str, Any]) -> str:
-    scores = [s for c in items(settings, "candidates") if (s := finite(part(c, "score_percent"))) is not None]
-    if not scores:
-        return ""
-    return f", among {len(scores)} candidates that scored {percent(min(scores))} to {percent(max(scores))}"
+    """How many settings were tried, and how far apart their residuals on blocks left out were."""
+    for key, words in (("moving_percent", " while moving"), ("score_percent", "")):
+        scores = [s for c in items(settings, "candidates") if (s := finite(part(c, key))) is not None]
+        if scores:
+            span = f"{percent(min(scores))} to {percent(max(scores))}"
+            return f", among {len(scores)} candidates that left {span} of what they had not seen{words}"
+    return ""

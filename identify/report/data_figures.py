@@ -26,19 +26,12 @@ def friction(velocity: np.ndarray, seen: np.ndarray, curve: Any, joint: Mapping[
     ramp = np.concatenate([[1e-9], np.linspace(0.02, 1.0, 32) ** 3])  # dense near zero, where friction bends
     grid = np.concatenate([low * ramp[::-1], high * ramp]) if low < 0 < high else np.linspace(low, high, 65)
     model = None if curve is None else curve(grid)
-    drawing.scale(axes, "y", *drawing.span_of([bands, *([] if model is None else [model])]))
-    drawing.scale(axes, "x", low, high, most=6)
+    drawing.scale(figure, axes, "y", *drawing.span_of([bands, *([] if model is None else [model])]))
+    drawing.scale(figure, axes, "x", low, high, most=6)
     if len(centres):
         axes.fill_between(centres, bands[:, 0], bands[:, 2], color=drawing.colour("rest"), linewidth=0, clip_on=False)
-        axes.plot(
-            centres,
-            bands[:, 1],
-            "o",
-            color=drawing.colour("measured"),
-            markersize=3.6,
-            markeredgewidth=0,
-            clip_on=False,
-        )
+        style: dict[str, Any] = {"markersize": 3.6, "markeredgewidth": 0, "clip_on": False}
+        axes.plot(centres, bands[:, 1], "o", color=drawing.colour("measured"), **style)
     if model is not None:
         axes.plot(grid, model, clip_on=False, color=drawing.colour("predicted"), linewidth=1.3, dashes=(3.2, 2.6))
     drawing.write(figure, 2, 10, f"friction [{joint['effort_unit']}]")
@@ -52,10 +45,9 @@ def bars(rows: Sequence[tuple[str, tuple[float, float] | None, str]], key: str, 
     figure = drawing.new(row * len(rows) + 34, width)
     axes = drawing.add_axes(figure, left, 2, width - left - words, row * len(rows))
     axes.set_ylim(len(rows) - 0.5, -0.5)
-    axes.set_yticks([])
     most = max([100.0, *(bar[1] for _, bar, _ in rows if bar)])
     least = min([0.0, *(bar[0] for _, bar, _ in rows if bar)])
-    drawing.scale(axes, "x", least, most, most=2)
+    drawing.scale(figure, axes, "x", least, most, most=2)
     drawing.boxes(axes, [(0, k - 0.28, 100, 0.56) for k, (_, bar, _) in enumerate(rows) if bar], "rest")
     drawing.boxes(axes, [(b[0], k - 0.28, b[1] - b[0], 0.56) for k, (_, b, _) in enumerate(rows) if b], "muted")
     for k, (name, _bar, text) in enumerate(rows):
@@ -72,8 +64,8 @@ def autocorrelation(lag: np.ndarray, values: np.ndarray, bound: float | None, ke
     axes = drawing.add_axes(figure, LEFT, 18, drawing.WIDTH - LEFT - RIGHT, 78)
     finite_values = values[np.isfinite(values)]
     lowest = min([-0.25, *finite_values.tolist()])
-    drawing.scale(axes, "y", lowest * 1.05, 1.05, most=4)
-    drawing.scale(axes, "x", min(0.0, float(lag[0])), float(lag[-1]) or 1.0, most=6, rules=False)
+    drawing.scale(figure, axes, "y", lowest * 1.05, 1.05, most=4)
+    drawing.scale(figure, axes, "x", min(0.0, float(lag[0])), float(lag[-1]) or 1.0, most=6, rules=False)
     if bound is not None:
         drawing.boxes(axes, [(float(lag[0]), -bound, float(lag[-1] - lag[0]), 2 * bound)], "rest", zorder=0.5)
     axes.plot(lag, values, color=drawing.colour("error"), linewidth=1.2)
@@ -96,7 +88,7 @@ def coverage_rows(
         else:
             share = finite(row.get(f"{what}_limit_percent"))
             bar = None if share is None else (0.0, share)
-        text = "no limit given" if share is None else f"{significant(share, 2)} %"
+        text = "no limit" if share is None else f"{significant(share, 2)} %"
         found.append((name or DASH, bar, text))
     return found
 

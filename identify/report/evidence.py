@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.report import data_figures, parameter_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, legend, prose, table, unit
-from identify.report.numbers import DASH, column, count, estimate, finite, significant
+from identify.report.numbers import DASH, column, count, estimate, finite, given, significant
 from identify.report.record import UNKNOWN, Record, items, joints, missing, part, reason, units
 from identify.report.symbols import symbol_html, symbol_text
 
@@ -135,16 +135,16 @@ def residuals_section(record: Record, curves: Mapping[str, np.ndarray]) -> Secti
         body = absent("No autocorrelation.", why)
         return Section("residuals", 9, title, question, body, "; ".join(told) or why, folded=True, empty=not told)
     bound = 2 / math.sqrt(rows / len(robot)) if rows and robot else None
+    inflation = items(record, "settings", "rows_per_effective_sample")
     drawn = []
     for k, joint in enumerate(robot[: values.shape[1]]):
         crossing = np.flatnonzero(values[:, k] < math.exp(-1))
-        falls = (
-            f"falls below 1/e after {significant(float(lag[crossing[0]]), 2)} s" if len(crossing) else "stays above 1/e"
-        )
-        label = f"{joint['name']}: the autocorrelation of the residual {falls}."
-        drawn.append(
-            (esc(joint["name"]), esc(falls), data_figures.autocorrelation(lag, values[:, k], bound, f"a-{k}", label))
-        )
+        falls = f"under 1/e after {significant(float(lag[crossing[0]]), 2)} s" if len(crossing) else "stays above 1/e"
+        ratio = finite(inflation[k]) if k < len(inflation) else None
+        widened = f", σ widened {significant(math.sqrt(ratio), 2)}-fold" if ratio and ratio > 1 else ""
+        label = f"{joint['name']}: the autocorrelation of the residual, {falls}{widened}."
+        svg = data_figures.autocorrelation(lag, values[:, k], bound, f"a-{k}", label)
+        drawn.append((esc(joint["name"]), esc(falls + widened), svg))
     marks = legend(("error", "residual"), *([("rest", "where white noise would stay, 95 %")] if bound else []))
     finding = "; ".join(told) or "autocorrelation of every joint"
     return Section("residuals", 9, title, question, marks + figures(drawn), finding, folded=True)
@@ -173,20 +173,18 @@ def checks_section(record: Record) -> Section:
         rows.append([esc(told), engines[name], esc(significant(difference, 2)), esc(count(part(entry, "samples")))])
         if difference > ROUNDING:
             warnings.append(
-                f"The {what} differs from {engines[name]} by {significant(difference, 2)} of the torque scale, "
+                f"The {what} differs from {engines[name]} by {significant(difference, 2)}, relative, "
                 "which rounding can’t explain."
             )
     if not identified:
         notes.missing(f"identified model: {reason(checks, 'identified')}")
     head = [
-        ("what was compared", "text"),
+        ("what was compared", "prose"),
         ("with", "text"),
-        ("largest difference, of the torque scale" + unit("1"), "number"),
+        ("largest difference,<br>relative" + unit("1"), "number"),
     ]
     head += [("samples", "number")]
-    finding = (
-        f"largest difference {significant(max(differences), 2)} of the torque scale" if differences else "not checked"
-    )
+    finding = f"largest relative difference {significant(max(differences), 2)}" if differences else "not checked"
     body = table(head, rows, "Cross-checks", notes)
     return Section("checks", 10, title, question, body, finding, tuple(warnings), folded=True)
 
@@ -208,7 +206,7 @@ def provenance_section(record: Record) -> Section:
     settings = part(record, "settings")
     if isinstance(settings, Mapping):
         plain = [(k, v) for k, v in settings.items() if isinstance(v, (str, int, float)) and not k.endswith("_reason")]
-        entries.append(("settings", ", ".join(f"<code>{esc(k)} = {esc(v)}</code>" for k, v in plain) or DASH))
+        entries.append(("settings", ", ".join(f"<code>{esc(k)} = {esc(_setting(v))}</code>" for k, v in plain) or DASH))
     entries.append(("format", esc(part(record, "format") or DASH)))
     listed = "".join(f"<dt>{esc(name)}</dt><dd>{value}</dd>" for name, value in entries)
     gaps = missing(record)
@@ -219,6 +217,10 @@ def provenance_section(record: Record) -> Section:
     )
     body = f'<dl class="provenance">{listed}</dl>{told}'
     return Section("provenance", 11, "Provenance", "Can I repeat it?", body, finding, folded=True)
+
+
+def _setting(value: Any) -> str:
+    return given(value) if isinstance(value, float) else str(value)
 
 
 def _file(path: Any, digest: Any) -> str:

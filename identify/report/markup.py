@@ -59,9 +59,10 @@ class Section:
 
 @dataclass
 class Notes:
-    """Notes under one table: each distinct reason gets a letter the first time it is asked for."""
+    """Notes under one table: each distinct reason gets a letter the first time it is asked for; `plain` ones none."""
 
     texts: list[str] = field(default_factory=list)
+    plain: list[str] = field(default_factory=list)
 
     def missing(self, text: str) -> str:
         """A dash with the letter of its reason, as HTML."""
@@ -70,11 +71,10 @@ class Notes:
         return f'<span class="none">—</span><sup class="note">{_letter(self.texts.index(text))}</sup>'
 
     def html(self) -> str:
-        """The notes, lettered; nothing where there are none."""
-        if not self.texts:
-            return ""
-        lines = "".join(f"<li><sup>{_letter(k)}</sup> {esc(text)}</li>" for k, text in enumerate(self.texts))
-        return f'<ul class="notes">{lines}</ul>'
+        """The notes, lettered ones first; nothing where there are none."""
+        lines = [f"<li><sup>{_letter(k)}</sup> {prose(text)}</li>" for k, text in enumerate(self.texts)]
+        lines += [f"<li>{prose(text)}</li>" for text in dict.fromkeys(self.plain)]
+        return f'<ul class="notes">{"".join(lines)}</ul>' if lines else ""
 
 
 def _letter(index: int) -> str:

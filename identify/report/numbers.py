@@ -91,7 +91,16 @@ def given(x: object, digits: int = 6) -> str:
 def percent(x: object, digits: int = 2) -> str:
     """`x` (already in percent) with its sign, "3.2 %"."""
     text = significant(x, digits)
-    return text if text == DASH else f"{text} %"
+    return text if text == DASH else f"{text}\u00a0%"
+
+
+def interval(low: object, high: object) -> str:
+    """ "−0.87 to 1.57": both ends to one place, at which their distance has three significant digits."""
+    a, b = finite(low), finite(high)
+    if a is None or b is None:
+        return DASH
+    place = min(0, max(-5, _place(b - a, 3))) if a != b else -3
+    return f"{_plain(_round(a, place))} to {_plain(_round(b, place))}" if max(abs(a), abs(b)) < 1e9 else DASH
 
 
 def count(x: object) -> str:

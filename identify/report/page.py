@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from identify.errors import InputError, OutputError
-from identify.report import data, evidence, parameters, prediction, verdict
+from identify.report import data, evidence, friction, parameters, physics, prediction, verdict
 from identify.report.drawing import drawing
 from identify.report.markup import SPRITE, Section, esc, fold, warned
 from identify.report.record import Record, part, rejected
@@ -38,8 +38,8 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
             prediction.section(clean),
             prediction.curves_section(clean, curves),
             parameters.section(clean),
-            parameters.friction_section(clean, curves),
-            parameters.physics_section(clean),
+            friction.section(clean, curves),
+            physics.section(clean),
             data.section(clean),
             evidence.models_section(clean),
             evidence.residuals_section(clean, curves),

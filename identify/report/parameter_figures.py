@@ -54,13 +54,12 @@ def figure(dots: Sequence[Dot], key: str, label: str) -> str:
     return drawing.svg(drawn, key, label)
 
 
-def _panel(drawn: Any, dots: Sequence[Dot], unit: str, top: float) -> None:
+def _panel(drawn: drawing.Drawing, dots: Sequence[Dot], unit: str, top: float) -> None:
     width = drawing.WIDTH - LEFT - WORDS
     axes = drawing.add_axes(drawn, LEFT, top, width, ROW * len(dots))
     axes.set_ylim(len(dots) - 0.5, -0.5)
-    axes.set_yticks([])
     low, high = _limits(dots)
-    drawing.scale(axes, "x", low, high, most=5)
+    drawing.scale(drawn, axes, "x", low, high, most=5)
     if low < 0 < high:
         drawing.rule(axes, "x", [0.0], "muted", 0.9)
     shift = 0.2 if any(d.other for d in dots) else 0.0

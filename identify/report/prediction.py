@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.report import curve_figures, numbers
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend, mark, prose, status, table, unit
-from identify.report.numbers import finite, percent, significant
+from identify.report.numbers import finite, given, percent, significant
 from identify.report.record import (
     UNKNOWN,
     Record,
@@ -90,11 +90,13 @@ def _table(record: Record, results: Mapping[str, Any], held_out: bool) -> str:
     outside: list[float | None] = [None] * len(rows)
     if held_out:
         outside = [_outside_share(results, k, row) for k, row in enumerate(rows)]
+    limit, whose = _limit(record)
     head = [("joint", "text")] + ([] if one else [("unit", "text")])
     head += [(names[key] + suffix, "number") for key in keys]
     head += [("moving, of<br>signal’s std" + unit("%"), "number"), ("time at<br>rest" + unit("%"), "number")]
     head += [("time outside<br>training range" + unit("%"), "number")] if held_out else []
-    head += [("verdict", "word")] if held_out else []
+    verdicts = [_verdict(row, limit) for row in rows] if held_out and _judged(rows, limit) else []
+    head += [("verdict", "word")] if verdicts else []
     body = []
     for k, row in enumerate(rows):
         cells = [esc(row.get("joint", ""))] + ([] if one else [esc(row.get("unit", ""))])
@@ -103,12 +105,15 @@ def _table(record: Record, results: Mapping[str, Any], held_out: bool) -> str:
         if held_out:
             told = outside[k]
             why = reason(results, "outside_training_percent")
-            cells += [notes.missing(why) if told is None else significant(told, 2), _verdict(row)]
+            cells += [notes.missing(why) if told is None else significant(told, 2)]
+        cells += verdicts[k : k + 1]
         body.append(cells)
     if held_out and not nominal:
         why = reason(rows[0], "nominal_moving_rmse")
         why = reason(results, "nominal_relative_residual_percent") if why == UNKNOWN else why
-        notes.texts.append(f"No nominal model to compare with: {why}")
+        notes.plain.append(f"No nominal model to compare with: {why}")
+    if limit is not None and verdicts:
+        notes.plain.append(f"Verdict: moving RMSE under {given(limit)} % of the signal’s std{whose}")
     return table(head, body, "Error of every joint", notes)
 
 
@@ -121,14 +126,34 @@ def _cell(text: str, row: Mapping[str, Any], key: str, notes: Notes) -> str:
     return notes.missing(why)
 
 
-def _verdict(row: Mapping[str, Any]) -> str:
-    """The joint's verdict where the record gives one; else how it compares with the nominal model."""
+def _limit(record: Record) -> tuple[float | None, str]:
+    """The limit [% of a signal's std] that the verdict holds joints to, and whose it is; None where it names none."""
+    for use in items(record, "verdict", "uses"):
+        limit = finite(part(use, "limit_percent"))
+        if limit is not None and str(part(use, "use")).startswith("prediction"):
+            source = part(use, "limit_source")
+            return limit, f" ({source})" if source else ""
+    return None, ""
+
+
+def _judged(rows: Sequence[Mapping[str, Any]], limit: float | None) -> bool:
+    """Whether any joint can be given a verdict without a limit being invented for it."""
+    return limit is not None or any(row.get("status") or finite(row.get("nominal_moving_rmse")) for row in rows)
+
+
+def _verdict(row: Mapping[str, Any], limit: float | None) -> str:
+    """The joint's verdict where the record gives one or a limit for it; and how it compares with the nominal model."""
+    ours, nominal = finite(row.get("moving_rmse")), finite(row.get("nominal_moving_rmse"))
+    share = ratio(ours, row.get("std_of_signal"))
+    compared = ""
+    if ours is not None and nominal is not None:
+        compared = "better than nominal" if ours < nominal else "no better than nominal"
     if row.get("status"):
         return status(str(row["status"]))
-    ours, nominal = finite(row.get("moving_rmse")), finite(row.get("nominal_moving_rmse"))
-    if ours is None or nominal is None:
-        return "no limit given"
-    return f"{mark('MET')}better than nominal" if ours < nominal else f"{mark('warn')}no better than nominal"
+    if limit is not None and share is not None:
+        word = status("MET" if share < limit else "NOT MET")
+        return f"{word}, {compared}" if compared else word
+    return f"{mark('MET' if compared.startswith('better') else 'warn')}{compared}" if compared else status("NOT TESTED")
 
 
 def _outside_share(results: Mapping[str, Any], k: int, row: Mapping[str, Any]) -> float | None:

@@ -10,7 +10,7 @@ LONGEST = 420  # characters of a formula before it is cut; parameters.json has t
 _PARAMETER = re.compile(r"(XX|XY|XZ|YY|YZ|ZZ|MX|MY|MZ|M|IA|Ia|Iam|Fvm|Fsm|Fv|Fs|off)(R?)(\d+)")
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _TOKEN = re.compile(
-    r"\s*(?:(?P<power>\*\*\s*(?:\(\s*(?P<inner>-?\d+(?:/\d+)?)\s*\)|(?P<exponent>-?\d+)))|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
+    r"\s*(?:(?P<power>(?:\*\*|\^)\s*(?:\(\s*(?P<inner>-?\d+(?:/\d+)?)\s*\)|(?P<exponent>-?\d+)))|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<word>[^\W\d]\w*)|(?P<sign>[-+*/()])|(?P<other>\S))"
 )
 _WORDS = {"pi": "π", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "sqrt": "√"}
@@ -38,7 +38,7 @@ def symbol_text(name: str) -> str:
 
 
 def formula_html(grouping: str) -> str:
-    """A grouping formula in Python's notation ("XX3 - YY3 + RL4**2*M4") as HTML.
+    """A grouping formula as text ("XX3 - YY3 + RL4**2*M4", powers as ** or ^) as HTML.
 
     Subscripts for parameters, superscripts for powers, products with a narrow gap; cut at a whole term
     after `LONGEST` characters.

@@ -36,8 +36,8 @@ def test_a_line_lands_on_its_pixels_whatever_its_length() -> None:
     with drawing.drawing():
         figure = drawing.new(200)
         axes = drawing.add_axes(figure, 46, 18, 400, 120)
-        drawing.scale(axes, "x", 0.0, 99.0, rules=False)
-        drawing.scale(axes, "y", -1.0, 1.0, rules=False)
+        drawing.scale(figure, axes, "x", 0.0, 99.0, rules=False)
+        drawing.scale(figure, axes, "y", -1.0, 1.0, rules=False)
         axes.plot(x, y, color=drawing.colour("measured"), linewidth=1)
         drawn = drawing.svg(figure, "k", "a line")
     data = next(d for d, style in re.findall(r'<path d="([^"]*)"[^>]* style="([^"]*)"', drawn) if "--measured" in style)
@@ -55,7 +55,7 @@ def test_text_is_text_and_may_be_anything() -> None:
     assert element is not None
     assert element.text == text
     assert (float(element.get("x", "0")), float(element.get("y", "0"))) == (10.0, 20.0)
-    assert "text-anchor:end" in element.get("style", "")
+    assert element.get("style") == "fill:var(--muted);text-anchor:end"
     assert drawn.get("aria-label") == text
 
 
@@ -64,7 +64,7 @@ def test_drawing_leaves_the_users_settings_alone_and_ignores_them() -> None:
         with drawing.drawing():
             figure = drawing.new(90)
             axes = drawing.add_axes(figure, 40, 10, 200, 40)
-            drawing.scale(axes, "x", 0.0, 1.0)
+            drawing.scale(figure, axes, "x", 0.0, 1.0)
             axes.plot([0, 1], [0, 1], color=drawing.colour("error"))
             return drawing.svg(figure, "k", "x")
 

@@ -110,9 +110,13 @@ def test_estimates_as_the_specification_writes_them(value: float | None, sigma: 
         (numbers.given(0.01), "0.01"),
         (numbers.given(1000.0), "1000"),
         (numbers.given(12.5), "12.5"),
-        (numbers.percent(0.043), "0.043 %"),
+        (numbers.percent(0.043), "0.043\u00a0%"),
         (numbers.count(1234567), "1,234,567"),
         (numbers.upper_bound(0.2901), "0.30"),
+        (numbers.interval(-0.000188, 1.8902), "0.00 to 1.89"),
+        (numbers.interval(-2.5, 0.0625), "−2.50 to 0.06"),
+        (numbers.interval(0.1, 0.104), "0.10000 to 0.10400"),
+        (numbers.interval(None, 1.0), "—"),
     ],
 )
 def test_numbers_as_they_are_written(shown: str, text: str) -> None:

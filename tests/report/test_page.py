@@ -209,7 +209,7 @@ def test_any_value_may_be_missing() -> None:
     record, curves = example(1, coupled=True)
     paths = [p for p in leaves(record) if p[0] not in ("format", "names", "covariance", "versions")]
     rng = np.random.default_rng(7)
-    for _ in range(12):
+    for _ in range(8):
         broken = copy.deepcopy(record)
         for k in sorted(rng.choice(len(paths), 12, replace=False), key=lambda k: -len(paths[k])):
             put(broken, paths[k], None)
@@ -285,7 +285,7 @@ def test_warnings_are_never_folded() -> None:
         "41 rows with no effort were dropped (0.14 %).",
         "2 rows with NaN were dropped.",
         "joint_2 3.2 % of its time",
-        "differs from MuJoCo by 0.0030 of the torque scale",
+        "differs from MuJoCo by 0.0030, relative",
     ):
         assert text in page.seen
     for text in ("sha256", "Coverage of the training motion", "With every column scaled"):
@@ -313,6 +313,39 @@ def test_figures_of_the_record_are_the_figures_of_the_page() -> None:
     assert cells[1:4] == ["0.152", "± 0.048", "kg·m²"]
     assert cells[-3:] == ["0.248", "−2.00", "identified"]
     assert "|x| &lt; 0.30" in html
+
+
+def test_a_limit_in_the_record_gives_each_joint_its_verdict() -> None:
+    record, curves = example(2)
+    record["verdict"]["uses"][0].update(limit_percent=10.0, limit_source="the works")
+    rows = record["test"][0]["per_joint"]
+    rows[0].update(moving_rmse=1.01, std_of_signal=10.0, nominal_moving_rmse=None)
+    rows[1].update(moving_rmse=0.99, std_of_signal=10.0, nominal_moving_rmse=2.0)
+    section = render(record, curves).partition('<section id="prediction">')[2].partition("</section>")[0]
+    words = re.findall(r'<td class="word">(.*?)</td>', section)
+    assert [re.sub("<.*?>", "", word) for word in words] == ["NOT MET", "MET, better than nominal"]
+    assert "10 % of the signal’s std (the works)" in section
+    del record["verdict"]["uses"][0]["limit_percent"]
+    for row in rows:
+        row["nominal_moving_rmse"] = None
+    section = render(record, curves).partition('<section id="prediction">')[2].partition("</section>")[0]
+    assert '<th scope="col" class="word">' not in section
+
+
+def test_estimates_are_held_against_the_truth_in_sigmas() -> None:
+    record, curves = example(2)
+    for k, parameter in enumerate(record["base_parameters"]):
+        parameter.update(estimate=10.0 + (3.0 if k == 1 else 1.0), std=1.0, truth=10.0)
+    for row in record["friction"]:
+        for key in ("viscous", "coulomb", "offset"):
+            row[key].update(estimate=4.0, std=2.0, truth=6.0)
+    count = len(record["base_parameters"]) + 6
+    spread = np.sqrt((count - 1 + 9) / count)
+    name = record["base_parameters"][1]["name"].replace("2", "₂")
+    told = f"{count} estimates are off by {spread:.1f} σ in the root mean square"
+    seen = check(render(record, curves)).seen
+    assert told in seen
+    assert f"by 3.0 σ at most, {name}" in seen
 
 
 def test_colours_are_those_of_the_specification() -> None:

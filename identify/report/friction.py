@@ -1,0 +1,87 @@
+"""Section 5: what the joints lose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from identify.regressor.columns import smooth_sign
+from identify.report import data_figures
+from identify.report.estimates import FRICTION, estimates_table, friction_parameters
+from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
+from identify.report.numbers import estimate, finite
+from identify.report.prediction import select
+from identify.report.record import Record, items, joints, part, reason
+from identify.report.symbols import symbol_text
+
+
+def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
+    """Each joint's friction curve over the remainder of its training data, and the constants in a folded table."""
+    rows = [row for row in items(record, "friction") if isinstance(row, Mapping)]
+    if not rows:
+        body = absent("No friction.", reason(record, "friction"))
+        return Section("friction", 5, "Friction", "What do the joints lose?", body, empty=True)
+    robot = {joint["name"]: (k, joint) for k, joint in enumerate(joints(record))}
+    coupled = [str(p.get("name")) for p in items(record, "transmission") if isinstance(p, Mapping)]
+    velocity, seen = _remainder(curves, "predicted" if coupled else "rigid")
+    drawn = []
+    for row in rows:
+        name = str(row.get("joint", ""))
+        if name not in robot:
+            continue
+        k, joint = robot[name]
+        have = velocity is not None and seen is not None and k < velocity.shape[1]
+        x = velocity[:, k] if have else np.linspace(-1.0, 1.0, 3)  # type: ignore[index]
+        y = seen[:, k] if have else np.full(3, np.nan)  # type: ignore[index]
+        curve = friction_curve(row, record)
+        if coupled and have:
+            y = y + curve(x)
+        label = f"{name}: friction over velocity. {_constants(row)}."
+        svg = data_figures.friction(x, y, curve, joint, f"f-{k}", label)
+        drawn.append((esc(name), "", svg))
+    dots = "measured minus the rest of the model, median"
+    marks = legend(("dots", dots), ("rest", "5 to 95 % of it"), ("predicted", "identified"))
+    remark = ""
+    if coupled:
+        names = ", ".join(symbol_text(name) for name in coupled)
+        told = f"What the coupled motors add ({names}) is taken out of the data as identified."
+        remark = f'<p class="remark">{esc(told)}</p>'
+    if velocity is None:
+        remark += absent("No data behind the curves.", "the result folder holds no training arrays")
+    groups = [(str(row.get("joint", "")), friction_parameters(k, row)) for k, row in enumerate(rows, 1)]
+    rows_shown = fold("Table of friction constants", estimates_table(record, groups, Notes(), False))
+    body = marks + remark + figures(drawn) + rows_shown
+    return Section("friction", 5, "Friction", "What do the joints lose?", body)
+
+
+def _remainder(curves: Mapping[str, np.ndarray], model: str) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Velocity of all training rows and what `model` ("rigid", "predicted") leaves of the measured effort, (M, n)."""
+    found = [a for k in range(len(curves)) if (a := select(curves, f"train{k}")) and model in a and "velocity" in a]
+    if not found:
+        return None, None
+    return np.vstack([a["velocity"] for a in found]), np.vstack([a["measured"] - a[model] for a in found])
+
+
+def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarray], np.ndarray]:
+    """Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63], s the sign or the smooth sign of the settings."""
+    viscous, coulomb, offset = (finite(part(row, key, "estimate")) or 0.0 for key, _ in FRICTION)
+    width = finite(part(record, "settings", "coulomb_velocity"))
+    smooth = part(record, "settings", "coulomb_form") == "smooth sign" and width
+    sign = smooth_sign(width) if smooth and width else np.sign
+
+    def curve(velocity: np.ndarray) -> np.ndarray:
+        return coulomb * sign(velocity) + viscous * velocity + offset
+
+    return curve
+
+
+def _constants(row: Mapping[str, Any]) -> str:
+    told = []
+    for key, letters in FRICTION:
+        value = part(row, key)
+        if isinstance(value, Mapping) and finite(value.get("estimate")) is not None:
+            shown = estimate(value.get("estimate"), value.get("std")).text
+            told.append(f"{letters} {shown} {value.get('unit') or ''}".strip())
+    return "; ".join(told) or "no constants"

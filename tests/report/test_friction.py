@@ -1,0 +1,51 @@
+"""The friction that is drawn is the regressor's, and its data are what the arrays leave for it."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from example_results import example
+
+from identify.regressor.columns import JointColumns, smooth_sign
+from identify.report.friction import friction_curve
+from identify.report.page import render
+from identify.robot.robot import Joint, Robot
+
+
+@pytest.mark.parametrize("width", [None, 0.05])
+def test_the_curve_is_the_regressors(width: float | None) -> None:
+    row = {key: {"estimate": value} for key, value in (("viscous", 1.7), ("coulomb", -0.4), ("offset", 0.3))}
+    form = "sign" if width is None else "smooth sign"
+    curve = friction_curve(row, {"settings": {"coulomb_form": form, "coulomb_velocity": width}})
+    velocity = np.concatenate([[-0.0, 0.0], np.linspace(-0.2, 0.2, 41)])
+    columns = JointColumns.of(Robot("one", (Joint("a"),)))
+    matrix = np.empty((len(velocity), 1, 3))
+    sign = np.sign if width is None else smooth_sign(width)
+    columns.torque(matrix, velocity[:, None], np.zeros((len(velocity), 1)), sign)
+    np.testing.assert_allclose(curve(velocity), matrix[:, 0] @ [1.7, -0.4, 0.3], rtol=1e-14)
+
+
+def dots(html: str) -> np.ndarray:
+    """Heights of the data points in the first friction figure [px]."""
+    figure = html.partition('<section id="friction">')[2].partition("<figure>")[2].partition("</figure>")[0]
+    return np.array([float(y) for y in re.findall(r'<use href="#f-0[^"]*" x="[^"]*" y="([^"]*)"', figure)])
+
+
+def test_a_coupled_motors_share_is_taken_out_of_the_data() -> None:
+    record, curves = example(1, coupled=True, noise=1e-6)
+    before = dots(render(record, curves))
+    assert len(before) > 20
+    shift = 500.0 * np.sin(7 * curves["train0/time"])[:, None]
+    curves["train0/measured"] = curves["train0/measured"] + shift
+    curves["train0/predicted"] = curves["train0/predicted"] + shift
+    np.testing.assert_allclose(dots(render(record, curves)), before, atol=0.11)
+    record["transmission"] = []
+    assert np.abs(dots(render(record, curves)) - before).max() > 5
+
+
+def test_without_training_arrays_the_curve_stands_alone_and_says_so() -> None:
+    record, curves = example(1)
+    html = render(record, {key: value for key, value in curves.items() if not key.startswith("train")})
+    assert "No data behind the curves." in html

@@ -6,6 +6,7 @@ import argparse
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -87,9 +88,18 @@ def import_log(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.logs.reading import read_log
     from identify.logs.slicing import window
 
-    log = window(read_log(options.table, options.map), options.start, options.stop)
+    whole = read_log(options.table, options.map)
+    origin = {
+        "imported_from": Path(options.table).name,
+        "imported_sha256": whole.sha256,
+        "imported_seconds": f"{options.start or 0:g} to {whole.duration if options.stop is None else options.stop:g}",
+        "import_findings": "; ".join(whole.findings),
+    }
+    log = window(replace(whole, metadata=whole.metadata | origin), options.start, options.stop)
+    keeps_map = options.map and Path(options.output).suffix.lower() == ".mcap"
     with parents_of(options.output):
-        log.save(options.output, force=options.force)
+        attachments = {"map.toml": Path(options.map).read_bytes()} if keeps_map else None
+        log.save(options.output, force=options.force, attachments=attachments)
     channels = ["position"]
     channels += [name for name in ("velocity", "effort") if getattr(log, name) is not None]
     print(f"{_size(options.output, log)}, {', '.join(channels)} of {', '.join(log.joints)}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -15,6 +16,7 @@ import pytest
 from conftest import MAP, table
 
 import identify
+from identify.logs.mcap_reader import read_mcap
 from identify.logs.reading import read_log
 
 
@@ -53,6 +55,10 @@ def test_import_turns_a_log_into_a_table_and_back(run, arm) -> None:
     np.testing.assert_array_equal(part.effort, arm.log.effort[1000:3000])
     assert part.time[0] == 0
     assert part.joints == ("shoulder", "elbow")
+    assert part.metadata["imported_from"] == "run.csv"
+    assert part.metadata["imported_sha256"] == hashlib.sha256(Path("new/run.csv").read_bytes()).hexdigest()
+    assert part.metadata["imported_seconds"] == "1 to 3"
+    assert read_mcap("part.mcap").attachments["map.toml"] == MAP.encode()
 
 
 def test_import_keeps_the_old_file_unless_forced(run, arm) -> None:

@@ -38,20 +38,20 @@ class Estimate:
 
 
 def ordinary_least_squares(observation: Observation) -> Estimate:
-    """OLS over all joints' rows together, in their own units."""
-    return _solve(observation, np.ones(len(observation.matrix)), common=True)
+    """OLS over all joints' rows together, in their own units; each joint still has a noise of its own."""
+    return _solve(observation, np.ones(len(observation.matrix)))
 
 
 def weighted_least_squares(observation: Observation, passes: int = 1) -> Estimate:
     """WLS: each joint's rows divided by the standard deviation of its residual in the pass before (Gautier 1997)."""
     weights = np.ones(len(observation.matrix))
-    estimate = _solve(observation, weights, common=False)
+    estimate = _solve(observation, weights)
     for _ in range(passes):
-        estimate = _solve(observation, 1 / np.maximum(estimate.sigma, 1e-12), common=False)
+        estimate = _solve(observation, 1 / np.maximum(estimate.sigma, 1e-12))
     return estimate
 
 
-def _solve(observation: Observation, weights: np.ndarray, common: bool) -> Estimate:
+def _solve(observation: Observation, weights: np.ndarray) -> Estimate:
     w = np.vstack([a * x for a, x in zip(observation.matrix, weights, strict=True)])
     y = np.concatenate([b * x for b, x in zip(observation.effort, weights, strict=True)])
     p = w.shape[1]
@@ -60,10 +60,9 @@ def _solve(observation: Observation, weights: np.ndarray, common: bool) -> Estim
     residuals = [b - a @ parameters for a, b in zip(observation.matrix, observation.effort, strict=True)]
     sigma = np.sqrt(np.array([r @ r for r in residuals]) / counts)
     inflation = np.array([rows_per_effective_sample(r, observation.rate) for r in residuals])
-    spread = np.full(len(weights), np.sqrt((sigma**2 * counts).sum() / counts.sum())) if common else sigma
-    # Sandwich: a joint's rows were weighted by x², have variance spread² and count once in `inflation`.
+    # Sandwich: a joint's rows were weighted by x², have variance sigma² and count once in `inflation`.
     middle = np.zeros((p, p))
-    for a, x, s, f in zip(observation.matrix, weights, spread, inflation, strict=True):
+    for a, x, s, f in zip(observation.matrix, weights, sigma, inflation, strict=True):
         middle += x**4 * s**2 * f * (a.T @ a)
     covariance = inverse @ middle @ inverse
     return Estimate(

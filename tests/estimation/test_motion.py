@@ -1,0 +1,107 @@
+"""Filters without phase, derivatives of known curves, clocks made even."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from identify.estimation.motion import decimated, differentiated, low_pass, motion_of, uniform
+from identify.logs.log import Log
+
+RATE = 500.0
+TIME = np.arange(0, 8, 1 / RATE)
+INSIDE = slice(500, -500)
+
+
+def log_of(time: np.ndarray, position: np.ndarray) -> Log:
+    names = tuple(f"j{k}" for k in range(position.shape[1]))
+    return Log(time, position, None, position.copy(), names)
+
+
+@pytest.mark.parametrize(("frequency", "gain"), [(0.5, 1.0), (3.0, 1.0), (10.0, 0.5), (40.0, 0.0)])
+def test_low_pass_keeps_the_phase_of_every_sinusoid(frequency: float, gain: float) -> None:
+    """|H|² of an order-4 Butterworth, twice: 1 in the pass band, ½ at the cut-off, 0 far above, and never a shift."""
+    wave = np.column_stack([np.sin(2 * np.pi * frequency * TIME), np.cos(2 * np.pi * frequency * TIME)])
+    np.testing.assert_allclose(low_pass(wave, 10.0, RATE)[INSIDE], gain * wave[INSIDE], atol=2e-4)
+
+
+def test_low_pass_of_time_reversed_is_time_reversed() -> None:
+    x = np.random.default_rng(0).normal(size=(2000, 2))
+    np.testing.assert_allclose(low_pass(x[::-1], 10.0, RATE)[::-1][INSIDE], low_pass(x, 10.0, RATE)[INSIDE], atol=1e-9)
+
+
+def test_low_pass_bears_any_length_and_any_cut_off() -> None:
+    for length in range(1, 40):
+        x = np.linspace(0.0, 1.0, length)[:, None]
+        assert low_pass(x, 10.0, RATE).shape == x.shape
+    slow = np.random.default_rng(0).normal(size=(100, 1))
+    np.testing.assert_array_equal(low_pass(slow, 60.0, 20.0), low_pass(slow, 8.0, 20.0))
+
+
+def test_derivatives_of_a_sinusoid_converge_with_the_square_of_the_step() -> None:
+    omega = 2 * np.pi * 0.7
+    errors = []
+    for rate in (100.0, 200.0):
+        t = np.arange(0, 8, 1 / rate)
+        q, dq, ddq = differentiated(np.sin(omega * t)[:, None], 30.0, rate)
+        inside = slice(round(rate), -round(rate))
+        exact = np.sin(omega * t), omega * np.cos(omega * t), -(omega**2) * np.sin(omega * t)
+        errors.append([np.abs(a[inside, 0] - b[inside]).max() for a, b in zip((q, dq, ddq), exact, strict=True)])
+    np.testing.assert_allclose(errors[0][1:], [omega * (omega / 100) ** 2 / 6, omega**2 * (omega / 100) ** 2 / 3], 0.02)
+    np.testing.assert_allclose(np.divide(errors[0][1:], errors[1][1:]), 4.0, rtol=0.02)
+    assert errors[0][0] < 1e-6
+
+
+def test_an_even_clock_is_left_alone() -> None:
+    jitter = np.random.default_rng(1).uniform(-0.005, 0.005, len(TIME)) / RATE
+    channel = np.random.default_rng(2).normal(size=(len(TIME), 3))
+    time, (same,), rate = uniform(log_of(TIME + jitter, channel), channel)
+    assert same is channel
+    assert rate == pytest.approx(RATE, rel=1e-5)
+    np.testing.assert_allclose(np.diff(time), 1 / rate, rtol=1e-6)
+
+
+def test_a_jittered_clock_is_resampled() -> None:
+    """Linear interpolation over steps h is off by h²/8·|x''| at most; taken as even, the jitter would cost 100 times."""
+    jitter = np.random.default_rng(3).uniform(-0.3, 0.3, len(TIME)) / RATE
+    omega = 2 * np.pi * 1.5
+    uneven = TIME + jitter
+    wave = np.column_stack([np.sin(omega * uneven), np.cos(omega * uneven)])
+    time, (even, twice), rate = uniform(log_of(uneven, wave), wave, 2 * wave)
+    assert len(time) == len(uneven)
+    assert (time[0], time[-1]) == (pytest.approx(uneven[0]), pytest.approx(uneven[-1]))
+    np.testing.assert_allclose(np.diff(time), 1 / rate, rtol=1e-9)
+    bound = (1.6 / RATE) ** 2 / 8 * omega**2
+    assert np.abs(even - np.column_stack([np.sin(omega * time), np.cos(omega * time)])).max() <= bound
+    np.testing.assert_allclose(twice, 2 * even, rtol=1e-12)
+    assert np.abs(wave - np.column_stack([np.sin(omega * time), np.cos(omega * time)])).max() > 20 * bound
+
+
+def test_a_gap_and_a_slow_drift_are_resampled_too() -> None:
+    ramp = 3.0 * TIME[:, None]
+    missing = np.ones(len(TIME), dtype=bool)
+    missing[1000:1400] = False
+    drifting = TIME + 0.004 * np.sin(2 * np.pi * TIME / 8)  # steps within 2 %, the clock two samples off in between
+    for clock in (TIME[missing], drifting):
+        values = 3.0 * clock[:, None]
+        time, (even,), _ = uniform(log_of(clock, values), values)
+        np.testing.assert_allclose(even[:, 0], 3.0 * time, rtol=0, atol=1e-12)
+    assert uniform(log_of(TIME, ramp), ramp)[1][0] is ramp
+
+
+def test_motion_is_of_the_positions() -> None:
+    wave = np.sin(2 * np.pi * 0.5 * TIME)[:, None] * [1.0, -2.0]
+    motion = motion_of(log_of(TIME, wave), 20.0)
+    assert motion.rate == pytest.approx(RATE)
+    expected = np.pi * np.cos(np.pi * TIME)[:, None] * [1.0, -2.0]
+    np.testing.assert_allclose(motion.dq[INSIDE], expected[INSIDE], atol=2e-4)
+    np.testing.assert_allclose(motion.ddq[INSIDE], -(np.pi**2) * wave[INSIDE], atol=2e-3)
+
+
+def test_decimation_keeps_what_is_slow_and_folds_nothing_back() -> None:
+    slow = np.sin(2 * np.pi * 1.3 * TIME)[:, None]
+    folded = np.sin(2 * np.pi * 52.0 * TIME)[:, None]  # would look like 2 Hz at 50 Hz
+    kept = decimated(slow + folded, 10, RATE)
+    bound = 1.1 * (20 / 52) ** 8  # |H|² of order 4 (cut-off 20 Hz), passed twice
+    np.testing.assert_allclose(kept[50:-50], slow[::10][50:-50], atol=bound)
+    assert decimated(slow, 1, RATE) is slow

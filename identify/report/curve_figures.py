@@ -13,6 +13,7 @@ from identify.report.numbers import given, significant
 from identify.report.record import effort_name
 
 LEFT, RIGHT = 46.0, 6.0
+STATIC = 0.05  # least height of a position axis [rad or m]: a joint that stands still shall look it
 LEVELS = (2.0, 5.0, 10.0, 20.0, 50.0)  # steps of the heat strip [% of the signal's standard deviation]
 STRENGTHS = (0.08, 0.2, 0.36, 0.54, 0.76, 1.0)
 BOUNDS = ("under 2 %", "2–5 %", "5–10 %", "10–20 %", "20–50 %", "over 50 %")
@@ -49,15 +50,16 @@ def panel(
         upper.plot(*envelope(time, predicted, bins), **line)
     last, foot = upper, 138.0
     if lower is not None:
+        least = 0.0 if tone == "error" else STATIC
         name = f"error [{joint['effort_unit']}]" if tone == "error" else f"position [{joint['position_unit']}]"
         drawing.write(figure, 2, 154, name)
         strip = drawing.add_axes(figure, LEFT, 161, width, 42)
-        drawing.scale(figure, strip, "y", *drawing.span_of([lower], symmetric=tone == "error"), most=3)
+        drawing.scale(figure, strip, "y", *drawing.span_of([lower], symmetric=tone == "error", least=least), most=3)
         _shade(strip, spans(time, rest))
         strip.plot(*envelope(time, lower, bins), color=drawing.colour(tone), linewidth=1.0)
         last, foot = strip, 203.0
         drawing.scale(figure, upper, "x", start, stop, bare=True)
-    drawing.scale(figure, last, "x", start, stop, most=6, rules=False)
+    drawing.scale(figure, last, "x", start, stop, most=8, rules=False)
     drawing.write(figure, drawing.WIDTH - RIGHT, foot + 30, "time [s]", "right")
     return drawing.svg(figure, key, _label(joint, row, predicted is not None, stop - start))
 
@@ -74,7 +76,7 @@ def _shade(axes: Any, rests: Sequence[tuple[float, float]]) -> None:
 
 def _label(joint: Mapping[str, Any], row: Mapping[str, Any], modelled: bool, duration: float) -> str:
     unit, what = joint["effort_unit"], effort_name(joint)
-    over = f"{joint['name']}: {what} over {given(duration, 4)} s"
+    over = f"{joint['name']}: {what} over {given(duration, 3)} s"
     if not modelled:
         return f"{over}, as recorded; there is no prediction."
     figures = (("moving_rmse", "moving"), ("rest_rmse", "at rest"), ("max_abs_error", "at most"))

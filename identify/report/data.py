@@ -13,6 +13,7 @@ from identify.report.record import UNKNOWN, Record, items, joints, part, reason,
 DONE = (
     ("cutoff_hz", "Every signal passed the same zero-phase low-pass of {} Hz"),
     ("position_cutoff_hz", "Positions passed a zero-phase low-pass of {} Hz before they were differentiated"),
+    ("energy_cutoff_hz", "For energies, which need no acceleration, positions passed one of {} Hz"),
     ("effort_cutoff_hz", "Effort and every column of the model passed the same zero-phase low-pass of {} Hz"),
     ("decimated_rate_hz", "Rows were then kept at {} Hz"),
     ("window_s", "Energy was balanced over windows of {} s"),
@@ -80,7 +81,7 @@ def _logs(record: Record) -> str:
         kind = "simulated" if part(log, "simulated") else "recorded"
         if part(log, "simulated") and part(log, "noise"):
             kind += f", noise {part(log, 'noise')}"
-        figures_of = [count(part(log, "samples")), given(part(log, "rate_hz"), 5), given(part(log, "duration_s"), 4)]
+        figures_of = [count(part(log, "samples")), given(part(log, "rate_hz"), 5), given(part(log, "duration_s"), 3)]
         cells = [esc(short(part(log, "path"))), esc(part(log, "role") or ""), *map(esc, figures_of), esc(kind)]
         rows.append([cell if cell != DASH else notes.missing("not recorded") for cell in cells])
     head = [("log", "text"), ("role", "text"), ("samples", "number"), ("rate" + unit("Hz"), "number")]
@@ -137,10 +138,9 @@ def _done(record: Record) -> str:
 
 
 def _candidates(settings: Mapping[str, Any]) -> str:
-    """How many settings were tried, and how far apart their residuals on blocks left out were."""
-    for key, words in (("moving_percent", " while moving"), ("score_percent", "")):
+    """How many settings were tried, and the least residual on blocks left out."""
+    for key, words in (("moving_percent", ", moving"), ("score_percent", "")):
         scores = [s for c in items(settings, "candidates") if (s := finite(part(c, key))) is not None]
         if scores:
-            span = f"{percent(min(scores))} to {percent(max(scores))}"
-            return f", among {len(scores)} candidates that left {span} of what they had not seen{words}"
+            return f", out of {len(scores)} candidates; the least residual on blocks left out was {percent(min(scores))}{words}"
     return ""

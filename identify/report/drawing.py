@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH = 464.0  # one column of the page [px]
+NARROWEST = 2e-3  # least width of an axis, of its largest value
 
 _LOCK = threading.RLock()
 _ANCHORS = {"left": "", "center": ";text-anchor:middle", "right": ";text-anchor:end"}
@@ -134,8 +135,10 @@ def segments(
     axes.add_artist(PathPatch(path, edgecolor=colour(tone), facecolor="none", linewidth=linewidth, **style))
 
 
-def span_of(values: Sequence[np.ndarray | float], margin: float = 0.06, symmetric: bool = False) -> tuple[float, float]:
-    """Limits around all finite values, a margin added; never of zero width."""
+def span_of(
+    values: Sequence[np.ndarray | float], margin: float = 0.06, symmetric: bool = False, least: float = 0.0
+) -> tuple[float, float]:
+    """Limits around all finite values, a margin added; at least `least` wide, and wide enough for short tick labels."""
     flat = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values] or [np.zeros(1)])
     flat = flat[np.isfinite(flat)]
     if not len(flat):
@@ -143,8 +146,9 @@ def span_of(values: Sequence[np.ndarray | float], margin: float = 0.06, symmetri
     low, high = float(flat.min()), float(flat.max())
     if symmetric:
         low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
-    width = high - low or abs(high) or 1.0
-    return low - margin * width, high + margin * width
+    width = max(high - low, least, NARROWEST * max(abs(low), abs(high))) or 1.0
+    middle, reach = 0.5 * (low + high), (0.5 + margin) * width
+    return middle - reach, middle + reach
 
 
 def write(drawn: Drawing, x: float, y: float, text: str, align: str = "left", tone: str = "muted") -> None:

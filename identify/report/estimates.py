@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from identify.report.markup import Notes, esc, status, table
-from identify.report.numbers import DASH, column, estimate, finite, significant
+from identify.report.numbers import DASH, Estimate, column, estimate, finite, significant
 from identify.report.record import UNKNOWN, Record, part, reason
 from identify.report.symbols import formula_html, symbol_html
 
@@ -15,9 +15,13 @@ FRICTION = (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off"))
 
 def state(parameter: Mapping[str, Any]) -> str:
     """ "identified", "weak" (the record doesn't count it as identified) or "not determined" (σ ≥ |value|)."""
-    if not estimate(parameter.get("estimate"), parameter.get("std")).determined:
+    if finite(parameter.get("estimate")) is None or not _known(parameter).determined:
         return "not determined"
     return "weak" if parameter.get("identified") is False else "identified"
+
+
+def _known(parameter: Mapping[str, Any]) -> Estimate:
+    return estimate(parameter.get("estimate"), parameter.get("std"))
 
 
 def estimates_table(
@@ -90,4 +94,6 @@ def friction_parameters(k: int, row: Mapping[str, Any]) -> list[Mapping[str, Any
         value = part(row, key)
         if isinstance(value, Mapping):
             found.append({**value, "name": f"{letters}{k}"})
+        elif reason(row, key) != UNKNOWN:
+            found.append({"name": f"{letters}{k}", "estimate": None, "estimate_reason": reason(row, key)})
     return found

@@ -25,8 +25,10 @@ def models_section(record: Record) -> Section:
     if not torque or not energy:
         name = "energy" if torque else "torque"
         why = reason(record, "models", name)
-        body = absent(f"No {name} model to compare with." if torque or energy else "No models.", why)
-        return Section("models", 8, title, question, body, f"only one model: {why}", folded=True, empty=True)
+        body = absent(f"No {name} model to compare with." if torque or energy else "No models.", why) + _estimators(
+            record
+        )
+        return Section("models", 8, title, question, body, f"only one model: {why}", folded=True, why=why)
     pairs = _pairs(torque, energy, units(record), part(record, "model"))
     agreement = part(record, "models", "agreement") or {}
     within, largest = finite(agreement.get("within_2_sigma_percent")), finite(agreement.get("largest_z"))
@@ -40,7 +42,8 @@ def models_section(record: Record) -> Section:
     first, second = ("energy", "torque") if part(record, "model") == "energy" else ("torque", "energy")
     marks = legend(("dot", f"{first} model ± 2σ"), ("square", f"{second} model ± 2σ"))
     body = f"{_model_figures(torque, energy)}{marks}{_compared(record, pairs)}"
-    return Section("models", 8, title, question, body + _models_table(pairs, first, second), finding, folded=True)
+    body += _models_table(pairs, first, second) + _estimators(record)
+    return Section("models", 8, title, question, body, finding, folded=True)
 
 
 def _pairs(
@@ -112,6 +115,28 @@ def _models_table(
     return table(head, body, "Both estimates of every parameter")
 
 
+def _estimators(record: Record) -> str:
+    """The estimators of the torque model side by side, where more than one was run."""
+    rows = [row for row in items(record, "estimators") if isinstance(row, Mapping)]
+    if not rows:
+        return ""
+    head = [("estimator", "text"), ("scaled condition<br>number", "number")]
+    figures_of = ("moving_relative_residual_percent", "moving"), ("relative_residual_percent", "with rest")
+    wanted = [(role, key) for role in ("train", "test") for key, _ in figures_of]
+    head += [
+        (f"{role}, error<br>{words}{unit('%')}", "number") for role in ("train", "test") for _, words in figures_of
+    ]
+    body = []
+    notes = Notes()
+    for row in rows:
+        cells = [esc(row.get("estimator", "")), esc(significant(row.get("condition_number"), 2))]
+        for role, key in wanted:
+            value = significant(part(row, role, key), 3)
+            cells.append(notes.missing("no such log, or no figure") if value == DASH else esc(value))
+        body.append(cells)
+    return "<h3>Estimators of the torque model</h3>" + table(head, body, "Estimators side by side", notes)
+
+
 def _pair(p: Mapping[str, Any]) -> tuple[str, str]:
     shown = estimate(p.get("estimate"), p.get("std"))
     if not shown.determined:
@@ -133,9 +158,12 @@ def residuals_section(record: Record, curves: Mapping[str, np.ndarray]) -> Secti
         why = reason(record, "residual")
         why = "the result folder holds no autocorrelation" if why == UNKNOWN else why
         body = absent("No autocorrelation.", why)
-        return Section("residuals", 9, title, question, body, "; ".join(told) or why, folded=True, empty=not told)
+        return Section(
+            "residuals", 9, title, question, body, "; ".join(told) or why, folded=True, why="" if told else why
+        )
     bound = 2 / math.sqrt(rows / len(robot)) if rows and robot else None
     inflation = items(record, "settings", "rows_per_effective_sample")
+    inflation = inflation if len(inflation) == len(robot) else []
     drawn = []
     for k, joint in enumerate(robot[: values.shape[1]]):
         crossing = np.flatnonzero(values[:, k] < math.exp(-1))
@@ -155,8 +183,8 @@ def checks_section(record: Record) -> Section:
     title, question = "Checks", "Do three engines agree?"
     checks = part(record, "cross_check")
     if not isinstance(checks, Mapping):
-        body = absent("Not checked.", reason(record, "cross_check"))
-        return Section("checks", 10, title, question, body, "not checked", folded=True, empty=True)
+        why = reason(record, "cross_check")
+        return Section("checks", 10, title, question, absent("Not checked.", why), "not checked", folded=True, why=why)
     notes, rows, differences, warnings = Notes(), [], [], []
     entries = [("regressor", checks, name) for name in ("pinocchio", "mujoco")]
     identified = checks.get("identified")

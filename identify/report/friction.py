@@ -21,8 +21,8 @@ def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
     """Each joint's friction curve over the remainder of its training data, and the constants in a folded table."""
     rows = [row for row in items(record, "friction") if isinstance(row, Mapping)]
     if not rows:
-        body = absent("No friction.", reason(record, "friction"))
-        return Section("friction", 5, "Friction", "What do the joints lose?", body, empty=True)
+        why = reason(record, "friction")
+        return Section("friction", 5, "Friction", "What do the joints lose?", absent("No friction.", why), why=why)
     robot = {joint["name"]: (k, joint) for k, joint in enumerate(joints(record))}
     coupled = [str(p.get("name")) for p in items(record, "transmission") if isinstance(p, Mapping)]
     velocity, seen = _remainder(curves, "predicted" if coupled else "rigid")

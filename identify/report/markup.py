@@ -43,7 +43,7 @@ SPRITE = """<svg class="sprite" aria-hidden="true">
 class Section:
     """One numbered section. `finding` is one sentence in plain text; `warnings` (HTML) are never folded.
 
-    `empty`: the body only says why there is nothing.
+    `why`: the reason, where the body only says why there is nothing.
     """
 
     key: str
@@ -54,7 +54,7 @@ class Section:
     finding: str = ""
     warnings: tuple[str, ...] = ()
     folded: bool = False
-    empty: bool = False
+    why: str = ""
 
 
 @dataclass

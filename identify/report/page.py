@@ -17,7 +17,7 @@ import numpy as np
 from identify.errors import InputError, OutputError
 from identify.report import data, evidence, friction, parameters, physics, prediction, verdict
 from identify.report.drawing import drawing
-from identify.report.markup import SPRITE, Section, esc, fold, warned
+from identify.report.markup import SPRITE, Section, esc, fold, prose, warned
 from identify.report.record import Record, part, rejected
 
 FORMAT = "identify/parameters/1"
@@ -110,11 +110,14 @@ def _read_curves(folder: Path) -> dict[str, np.ndarray]:
 
 def _body(sections: list[Section], brief: bool) -> str:
     """All sections in order; where `brief`, those with nothing to show become lines of one list before the last."""
-    empty = [s for s in sections if s.empty] if brief else []
+    empty = [s for s in sections if s.why] if brief else []
     shown = [_section(s) for s in sections if s not in empty]
-    if empty:
-        rows = "".join(f'<li id="{s.key}"><b>{s.number} {esc(s.title)}</b>{s.body}</li>' for s in empty)
-        shown.insert(-1, f'<section><h2>Not made</h2><ul class="not-made">{rows}</ul></section>')
+    rows = []
+    for why in dict.fromkeys(s.why for s in empty):
+        names = ", ".join(f'<span id="{s.key}">{s.number}\u00a0{esc(s.title)}</span>' for s in empty if s.why == why)
+        rows.append(f"<li><b>{names}</b><span>{prose(why)}</span></li>")
+    if rows:
+        shown.insert(-1, f'<section><h2>Not made</h2><ul class="not-made">{"".join(rows)}</ul></section>')
     return "\n".join(shown)
 
 

@@ -20,8 +20,8 @@ def section(record: Record) -> Section:
     parameters = [p for p in items(record, "base_parameters") if isinstance(p, Mapping)]
     coupled = [p for p in items(record, "transmission") if isinstance(p, Mapping)]
     if not parameters:
-        body = absent("No parameters.", reason(record, "base_parameters"))
-        return Section("parameters", 4, "Parameters", "What is known?", body, empty=True)
+        why = reason(record, "base_parameters")
+        return Section("parameters", 4, "Parameters", "What is known?", absent("No parameters.", why), why=why)
     states = [state(p) for p in parameters]
     told = [f"{states.count(word)} {word}" for word in ("identified", "weak", "not determined") if word in states]
     lead = f"{len(parameters)} base parameters: {', '.join(told)}.{_against_truth(record)}"

@@ -14,8 +14,8 @@ def section(record: Record) -> Section:
     title, question = "Physics", "Can a simulator load it?"
     physical = part(record, "physical")
     if not isinstance(physical, Mapping):
-        body = absent("Not yet checked.", reason(record, "physical"))
-        return Section("physics", 6, title, question, body, empty=True)
+        why = reason(record, "physical")
+        return Section("physics", 6, title, question, absent("Not yet checked.", why), why=why)
     consistent = physical.get("consistent")
     lead = (
         "Yes: every link is physically possible." if consistent else "No: at least one link is physically impossible."

@@ -28,6 +28,7 @@ from identify.report.record import (
 SIDE_BY_SIDE = 8  # joints up to which every panel is open
 WORST = 6  # panels that stay open beyond that
 PANELS = 40  # curve panels a page may hold
+WORTH_TELLING = 1.0  # share of time outside the training range [%] from which it is a warning; the table has all
 
 
 def section(record: Record) -> Section:
@@ -54,9 +55,9 @@ def section(record: Record) -> Section:
         body.append(absent("No model was fitted.", reason(record, "fit")))
     else:
         body = [absent("No model was fitted.", reason(record, "fit"))]
-    shown, empty = "".join(body), not held_out and not fit
-    question = "How wrong on unseen motion?"
-    return Section("prediction", 2, "Prediction", question, shown, warnings=tuple(warnings), empty=empty)
+    shown, question = "".join(body), "How wrong on unseen motion?"
+    why = "" if held_out or fit else reason(record, "fit")
+    return Section("prediction", 2, "Prediction", question, shown, warnings=tuple(warnings), why=why)
 
 
 def _summary(results: Mapping[str, Any], where: str) -> str:
@@ -166,7 +167,7 @@ def _outside(record: Record, test: Mapping[str, Any]) -> list[str]:
     names = []
     for k, row in enumerate(items(test, "per_joint")):
         share = _outside_share(test, k, row)
-        if share:
+        if share is not None and share >= WORTH_TELLING:
             names.append(f"{esc(row.get('joint', ''))} {significant(share, 2)} %")
     if not names:
         return []
@@ -203,19 +204,18 @@ def curves_section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
     if not body:
         why = reason(record, "curves")
         known = why != UNKNOWN
-        shown = absent("No curves.", why if known else "the result folder holds no arrays")
-        return Section("curves", 3, "Curves", "Where is it wrong?", shown, empty=True)
-    body.insert(0, _legend(rejected(record)))
+        why = why if known else "the result folder holds no arrays"
+        return Section("curves", 3, "Curves", "Where is it wrong?", absent("No curves.", why), why=why)
+    body.insert(0, _legend(curves))
     question = "What was recorded?" if rejected(record) else "Where is it wrong?"
     return Section("curves", 3, "Curves", question, "".join(body))
 
 
-def _legend(bare: bool) -> str:
-    if bare:
-        return legend(("measured", "measured, low-passed"), ("rest", "at rest"))
-    return legend(
-        ("measured", "measured, low-passed"), ("predicted", "predicted"), ("error", "error"), ("rest", "at rest")
-    )
+def _legend(curves: Mapping[str, np.ndarray]) -> str:
+    """Swatches for what the arrays hold; a record that was refused has neither prediction nor low-pass."""
+    modelled, rested = (any(name.endswith(f"/{what}") for name in curves) for what in ("predicted", "moving"))
+    lines = [("measured", "measured, low-passed"), ("predicted", "predicted"), ("error", "error")]
+    return legend(*(lines if modelled else [("measured", "measured")]), *([("rest", "at rest")] if rested else []))
 
 
 def select(curves: Mapping[str, np.ndarray], key: str) -> dict[str, np.ndarray] | None:

@@ -25,12 +25,17 @@ def items(record: Any, *path: str) -> list[Any]:
 
 
 def reason(record: Any, *path: str) -> str:
-    """Why the value at the path is missing: the `<name>_reason` beside it, or beside the nearest missing parent."""
+    """Why the value at the path is missing: the `<name>_reason` beside it, or beside the nearest missing parent.
+
+    Of a refused log it is, at last, the reason why nothing was fitted.
+    """
     for depth in range(1, len(path) + 1):
         parent = part(record, *path[: depth - 1]) if depth > 1 else record
         text = part(parent, f"{path[depth - 1]}_reason")
         if text and not part(parent, path[depth - 1]):
             return str(text)
+    if rejected(record) and not part(record, "fit"):
+        return str(part(record, "fit_reason") or UNKNOWN)
     return UNKNOWN
 
 

@@ -147,5 +147,5 @@ def _recorded(verb: str, chosen: list[Mapping[str, Any]]) -> str:
     duration = sum(float(log.get("duration_s") or 0) for log in chosen)
     samples = sum(int(log.get("samples") or 0) for log in chosen)
     logs_word = "1 log" if len(chosen) == 1 else f"{len(chosen)} logs"
-    lasting = f", {given(duration, 4)}\u00a0s" if duration else ""
+    lasting = f", {given(duration, 3)}\u00a0s" if duration else ""
     return f"{verb} {logs_word}{lasting}, {count(samples)}\u00a0samples"

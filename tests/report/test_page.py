@@ -348,6 +348,23 @@ def test_estimates_are_held_against_the_truth_in_sigmas() -> None:
     assert f"by 3.0 σ at most, {name}" in seen
 
 
+def test_estimators_stand_side_by_side_and_a_dropped_constant_says_why() -> None:
+    record, curves = example(1)
+    residuals = {"relative_residual_percent": 2.25, "moving_relative_residual_percent": 1.125}
+    record["estimators"] = [
+        {"estimator": name, "condition_number": 31.0, "train": residuals, "test": None} for name in ("ols", "wls")
+    ]
+    record["friction"][0].update(offset=None, offset_reason="off1 can't be told from MX1, which holds it")
+    html = render(record, curves)
+    page = check(html)
+    models = html.partition('<section id="models">')[2].partition("</section>")[0]
+    table = models.partition("Estimators of the torque model")[2]
+    rows = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
+    assert [row[:4] for row in rows] == [["ols", "31", "1.12", "2.25"], ["wls", "31", "1.12", "2.25"]]
+    assert "off1 can't be told from MX1, which holds it." in page.text
+    assert html.count("off<sub>1</sub>") >= 1
+
+
 def test_colours_are_those_of_the_specification() -> None:
     html = render(*example(1))
     light, _, dark = html.partition("@media screen and (prefers-color-scheme: dark)")

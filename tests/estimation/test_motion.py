@@ -62,7 +62,7 @@ def test_an_even_clock_is_left_alone() -> None:
 
 
 def test_a_jittered_clock_is_resampled() -> None:
-    """Linear interpolation over steps h is off by h²/8·|x''| at most; taken as even, the jitter would cost 100 times."""
+    """Linear interpolation over steps h is off by h²/8·|x''| at most; taken as even it costs 20 times that."""
     jitter = np.random.default_rng(3).uniform(-0.3, 0.3, len(TIME)) / RATE
     omega = 2 * np.pi * 1.5
     uneven = TIME + jitter

@@ -142,5 +142,6 @@ def _candidates(settings: Mapping[str, Any]) -> str:
     for key, words in (("moving_percent", ", moving"), ("score_percent", "")):
         scores = [s for c in items(settings, "candidates") if (s := finite(part(c, key))) is not None]
         if scores:
-            return f", out of {len(scores)} candidates; the least residual on blocks left out was {percent(min(scores))}{words}"
+            least = f"the least residual on blocks left out was {percent(min(scores))}{words}"
+            return f", out of {len(scores)} candidates; {least}"
     return ""

@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 import pytest
 
-from identify.report import drawing, parameter_figures
+from identify.report import curve_figures, drawing, parameter_figures
 
 
 def points(path: str) -> np.ndarray:
@@ -92,6 +92,25 @@ def test_intervals_reach_two_sigma_and_an_unknown_one_squeezes_no_other() -> Non
     width = drawing.WIDTH - parameter_figures.LEFT - parameter_figures.WORDS
     pixels = parameter_figures.LEFT + (ends - low) / (high - low) * width
     np.testing.assert_allclose(line[:, 0], pixels, atol=0.06)
+
+
+def test_the_error_strip_shows_measured_minus_predicted_on_the_same_time_axis() -> None:
+    time = np.linspace(0.0, 10.0, 200)
+    predicted = 3 * np.sin(time)[:, None]
+    arrays = {"time": time, "measured": predicted + time[:, None], "predicted": predicted}
+    joint = {"name": "a", "effort_unit": "N", "position_unit": "m"}
+    with drawing.drawing():
+        drawn = curve_figures.panel(arrays, 0, joint, {}, "c", 300)
+    lines = {
+        tone: points(re.findall(rf'<path d="([^"]*)"[^>]* style="fill:none[^"]*--{tone}\)', drawn)[0])
+        for tone in ("measured", "error")
+    }
+    error = lines["error"]
+    assert (np.diff(error[:, 1]) <= 0).all()  # pixels count downwards, the error grows
+    assert error[0, 1] - error[-1, 1] > 15
+    assert (error[0, 0], error[-1, 0]) == pytest.approx((lines["measured"][0, 0], lines["measured"][-1, 0]))
+    assert "force [N]" in drawn
+    assert "error [N]" in drawn
 
 
 @pytest.mark.parametrize("limits", [([3.0, 3.0], False), ([0.0], False), ([], True), ([np.nan, 1.0, -4.0], True)])

@@ -37,6 +37,7 @@ def test_a_coupled_motors_share_is_taken_out_of_the_data() -> None:
     record, curves = example(1, coupled=True, noise=1e-6)
     before = dots(render(record, curves))
     assert len(before) > 20
+    assert np.ptp(before) > 60  # the data follow the curve, not the residual alone
     shift = 500.0 * np.sin(7 * curves["train0/time"])[:, None]
     curves["train0/measured"] = curves["train0/measured"] + shift
     curves["train0/predicted"] = curves["train0/predicted"] + shift

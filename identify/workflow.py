@@ -91,6 +91,9 @@ def fit(
     test = _for_robot(test, robot)
     for each in train:
         require_identifiable(each)
+    for each in test:
+        if each.effort is None:
+            raise LogError(f"{each.source or 'test log'}: holds no effort to test against; leave it out of --test")
     # Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work.
     with threadpool_limits(1, "blas"):
         return _identified(robot, train, test, model, estimator, command, progress)
@@ -170,16 +173,10 @@ def _simulated(
 
 
 def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
-    """The logs with the robot's joints in its order. LogError where one lacks a joint or has no effort."""
+    """The logs with the robot's joints in its order. LogError where one lacks a joint."""
     from identify.logs.slicing import select
 
-    chosen = [select(log, robot.joint_names) for log in logs]
-    for log in chosen:
-        if log.effort is None:
-            raise LogError(
-                f"{log.source or 'log'}: holds no effort; record joint torques or currents with the positions"
-            )
-    return chosen
+    return [select(log, robot.joint_names) for log in logs]
 
 
 def _identified(

@@ -20,6 +20,7 @@ from identify.estimation.observation import stacked, torque_observation
 from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
+from identify.logs.slicing import window
 from identify.regressor.regressor import Regressor
 
 MODELS = ("torque", "energy")
@@ -28,6 +29,9 @@ DEFAULT_ESTIMATOR = "wls"
 ALL = "all"
 """Asks for every estimator side by side; the default one gives the result."""
 ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
+
+SETTINGS_S = 120.0
+"""Settings are chosen on at most this much of each log [s]; the fit itself takes all of it."""
 
 Progress = Callable[[float, str], None] | None
 
@@ -66,7 +70,8 @@ def fit_models(
 ) -> Fit:
     """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs."""
     reasons: dict[str, str] = {}
-    settings, tried = choose_settings(regressor, logs, progress=progress)
+    sample = [log if log.duration <= SETTINGS_S else window(log, None, SETTINGS_S) for log in logs]
+    settings, tried = choose_settings(regressor, sample, progress=progress)
     torque = energy = None
     try:
         torque = fit_torque(regressor, logs, settings, DEFAULT_ESTIMATOR if estimator in (None, ALL) else estimator)

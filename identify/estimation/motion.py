@@ -34,11 +34,14 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
     return sosfiltfilt(sections, x, axis=0) if len(x) > 3 * (2 * len(sections) + 1) else x
 
 
-def uniform(log: Log, *channels: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], float]:
-    """The clock (N,), the channels (N, n) on it, and its rate: as recorded where steps are even, else interpolated."""
+def uniform(log: Log, *channels: np.ndarray, jitter: float = JITTER) -> tuple[np.ndarray, list[np.ndarray], float]:
+    """The clock (N,), the channels (N, n) on it, and its rate [Hz].
+
+    Channels are as recorded where no step differs by more than `jitter` of itself, else interpolated linearly.
+    """
     step = (log.time[-1] - log.time[0]) / (log.samples - 1)
     even = log.time[0] + step * np.arange(log.samples)
-    if np.abs(np.diff(log.time) - step).max() <= JITTER * step and np.abs(even - log.time).max() <= step:
+    if np.abs(np.diff(log.time) - step).max() <= jitter * step and np.abs(even - log.time).max() <= step:
         return even, list(channels), 1 / step
     return even, [np.column_stack([np.interp(even, log.time, c) for c in x.T]) for x in channels], 1 / step
 

@@ -184,7 +184,8 @@ def rejected(record: dict[str, Any], verdict: dict[str, Any]) -> dict[str, Any]:
     empty: dict[str, Any] = {"names": [], "base_parameters": [], "friction": [], "transmission": []}
     for key in ("estimator", "covariance", "fit", "settings", "coverage", "models", "cross_check"):
         empty |= {key: None, f"{key}_reason": why}
-    return record | empty | {"test": [], "test_reason": why, "verdict": verdict}
+    reasons = {f"{key}_reason": why for key in ("base_parameters", "friction", "transmission", "test")}
+    return record | empty | reasons | {"test": [], "verdict": verdict}
 
 
 def versions() -> dict[str, str]:

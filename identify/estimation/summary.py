@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from identify.estimation.identification import FRICTION
-from identify.report.numbers import DASH, estimate, significant
+from identify.numbers import DASH, estimate, significant
 
 
 def summary(record: dict[str, Any]) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.numbers import given, significant
 from identify.report import drawing
 from identify.report.envelope import binned, envelope, runs, spans
-from identify.report.numbers import given, significant
 from identify.report.record import effort_name
 
 LEFT, RIGHT = 46.0, 6.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.numbers import DASH, count, finite, given, interval, percent, significant
 from identify.report import data_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, listing, prose, sentence, table, unit
-from identify.report.numbers import DASH, count, finite, given, interval, percent, significant
 from identify.report.record import UNKNOWN, Record, items, joints, part, reason, rejected, short
 
 DONE = (

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.numbers import DASH, finite, significant
 from identify.report import drawing
 from identify.report.envelope import quantiles
-from identify.report.numbers import DASH, finite, significant
 
 LEFT, RIGHT = 46.0, 6.0
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.report import numbers
+from identify import numbers
 from identify.report.svg import SENTINELS, compact, themed
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.numbers import DASH, Estimate, column, estimate, finite, significant
 from identify.report.markup import Notes, esc, status, table
-from identify.report.numbers import DASH, Estimate, column, estimate, finite, significant
 from identify.report.record import UNKNOWN, Record, part, reason
 from identify.report.symbols import formula_html, symbol_html
 

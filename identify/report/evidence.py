@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from identify.numbers import DASH, column, count, estimate, finite, given, significant
 from identify.report import data_figures, parameter_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, legend, prose, table, unit
-from identify.report.numbers import DASH, column, count, estimate, finite, given, significant
 from identify.report.record import UNKNOWN, Record, items, joints, missing, part, reason, units
 from identify.report.symbols import symbol_html, symbol_text
 

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from identify.numbers import estimate, finite
 from identify.regressor.columns import smooth_sign
 from identify.report import data_figures
 from identify.report.estimates import FRICTION, estimates_table, friction_parameters
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
-from identify.report.numbers import estimate, finite
 from identify.report.prediction import select
 from identify.report.record import Record, items, joints, part, reason
 from identify.report.symbols import symbol_text

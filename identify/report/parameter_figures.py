@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from identify.numbers import finite
 from identify.report import drawing
-from identify.report.numbers import finite
 from identify.report.symbols import symbol_text
 
 LEFT, WORDS, ROW = 46.0, 92.0, 17.0

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from identify.numbers import significant
 from identify.report import parameter_figures
 from identify.report.estimates import estimates_table, friction_parameters, score, state
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
-from identify.report.numbers import significant
 from identify.report.record import Record, items, joints, reason
 from identify.report.symbols import symbol_text
 

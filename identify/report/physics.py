@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from identify.numbers import finite, significant
 from identify.report.markup import Section, absent, esc, status, table
-from identify.report.numbers import finite, significant
 from identify.report.record import Record, items, part, reason
 
 

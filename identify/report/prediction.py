@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.report import curve_figures, numbers
+from identify import numbers
+from identify.numbers import finite, given, percent, significant
+from identify.report import curve_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend, mark, prose, status, table, unit
-from identify.report.numbers import finite, given, percent, significant
 from identify.report.record import (
     UNKNOWN,
     Record,

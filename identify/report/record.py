@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from identify.report.numbers import finite
+from identify.numbers import finite
 
 Record = Mapping[str, Any]
 UNKNOWN = "no reason recorded"

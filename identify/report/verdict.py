@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from identify.numbers import count, given, percent, significant
 from identify.report.markup import MARKS, Section, esc, listing, mark, prose, status, warned
-from identify.report.numbers import count, given, percent, significant
 from identify.report.record import Record, items, logs, part, reason, rejected, short, tests
 
 ANSWERS = {"MET": "may be used for", "NOT MET": "falls short for", "NOT TESTED": "has not been tested for"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 MEAN_LIMIT = 100.0
@@ -46,8 +47,12 @@ def verdict(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) -> dict[str, Any]:
-    use = {"use": "prediction of joint torque", "limit": "100 % of each joint's standard deviation, moving"}
-    use |= {"limit_source": "predicting the joint's mean"}
+    use: dict[str, Any] = {
+        "use": "prediction of joint torque",
+        "limit": "100 % of each joint's standard deviation, moving",
+        "limit_percent": MEAN_LIMIT,
+        "limit_source": "predicting the joint's mean",
+    }
     if not record["test"]:
         reasons.append("no held-out log was given, so prediction is not tested")
         actions.append("Record a second, different motion and pass it with --test.")
@@ -75,7 +80,7 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
         share, name = max(outside)
         if share >= 1.0:
             actions.append(
-                f"{name} is outside the positions of the training logs for {share:.0f} % of {test['path']}: "
+                f"{name} is outside the positions of the training logs for {share:.0f} % of {Path(test['path']).name}: "
                 "trust the parameters less there, or train on a wider motion."
             )
     totals = [t["moving_relative_residual_percent"] for t in record["test"]]

@@ -1,4 +1,4 @@
-"""How the report writes numbers: never more digits than are known, never a zero that isn't one.
+"""How reports write numbers: never more digits than are known, never a zero that isn't one.
 
 A value with a standard deviation σ shows σ with two significant digits and the value to the same place
 (the convention of the Guide to the Expression of Uncertainty in Measurement, JCGM 100:2008, 7.2.6).

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from identify.report import numbers
+from identify import numbers
 
 magnitudes = st.floats(-9, 9).map(lambda e: 10.0**e)
 values = st.builds(lambda m, sign: sign * m, magnitudes, st.sampled_from([-1.0, 1.0]))

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
-
 from identify.regressor.columns import Sign, smooth_sign
 
 STILL = 0.01
@@ -19,7 +17,8 @@ class Settings:
 
     position_cutoff_hz: low-pass of the position before it is differentiated. effort_cutoff_hz: parallel low-pass of
     effort and of every column of the observation matrix, which is then decimated to decimated_rate_hz (Gautier 1997).
-    coulomb_velocity: None for the exact sign of the velocity; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
+    coulomb_velocity: None for the exact sign of the velocity, but for a straight line through rest, |q̇| ≤ STILL, where
+    nothing is known of friction; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
     rest_counted: whether rows of a joint at rest are used; if not, they and those within guard_s of them are set to
     zero on both sides before the parallel filter. window_s: length of the energy model's windows; energy_cutoff_hz:
     low-pass of the position for its energies, which want less noise and need no acceleration.
@@ -37,7 +36,8 @@ class Settings:
     @property
     def sign(self) -> Sign:
         """The Coulomb columns' function of the velocity."""
-        return np.sign if self.coulomb_velocity is None else smooth_sign(self.coulomb_velocity)
+        # The sign of a velocity that is noise around zero would predict ±Fs of a joint at rest.
+        return smooth_sign(STILL if self.coulomb_velocity is None else self.coulomb_velocity)
 
     def to_dict(self) -> dict[str, Any]:
         form = "sign" if self.coulomb_velocity is None else "smooth sign"

@@ -8,6 +8,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -68,26 +69,37 @@ class Identification:
     @classmethod
     def load(cls, folder: str | os.PathLike[str]) -> Identification:
         """Read a result folder. InputError, in one line, where it is none, is damaged, or holds no parameters."""
+        from identify.robot.library import robot_digest
         from identify.robot.toml import read_toml
 
         folder = Path(folder)
         record, curves = load_folder(folder)
-        if record["verdict"]["status"] == "reject" or not record.get("names"):
+        if record["verdict"]["status"] == "reject":
             raise InputError(f"{folder}: the log was refused, so there are no parameters; see {folder / RECORD}")
         try:
-            rows = [*record["base_parameters"], *record["transmission"]]
-            values = {row["name"]: row["estimate"] for row in rows}
-            for j, row in enumerate(record["friction"], 1):
-                values |= {f"{c}{j}": row[k]["estimate"] for k, c in FRICTION if row[k] is not None}
-            covariance = np.array(record["covariance"], dtype=float)
-            parameters = np.array([values[name] for name in record["names"]], dtype=float)
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{folder / RECORD}: {error!r} is missing or no number; fit again") from error
-        names = tuple(record["names"])
-        if covariance.shape != (len(names), len(names)) or parameters.shape != (len(names),):
-            raise InputError(f"{folder / RECORD}: parameters and covariance do not have the size of names; fit again")
-        robot = read_toml(folder / ROBOT, source=str(record["robot"]["source"]))
+            names, parameters, covariance = _estimates(record)
+            Settings.from_dict(record["settings"])
+            source, digest = str(record["robot"]["source"]), record["robot"]["sha256"]
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"{folder / RECORD}: is damaged ({error!r}); fit again") from error
+        robot = read_toml(folder / ROBOT, source=source)
+        if robot_digest(robot) != digest:
+            raise InputError(f"{folder / ROBOT}: is not the robot that was fitted; fit again")
         return cls(robot, names, parameters, np.sqrt(np.diag(covariance)), covariance, record, curves)
+
+
+def _estimates(record: dict[str, Any]) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+    """Names (p,), parameters (p,) and covariance (p, p) of a record. KeyError, TypeError or ValueError without them."""
+    rows = [*record["base_parameters"], *record["transmission"]]
+    values = {row["name"]: row["estimate"] for row in rows}
+    for j, row in enumerate(record["friction"], 1):
+        values |= {f"{c}{j}": row[k]["estimate"] for k, c in FRICTION if row[k] is not None}
+    names = tuple(record["names"])
+    parameters = np.array([values[name] for name in names], dtype=float)
+    covariance = np.array(record["covariance"], dtype=float)
+    if not names or covariance.shape != (len(names), len(names)):
+        raise ValueError(f"covariance {covariance.shape} of {len(names)} parameters")
+    return names, parameters, covariance
 
 
 def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
@@ -110,12 +122,16 @@ def load_folder(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise InputError(f"{path}: can't be read ({error}); fit again") from error
     if not isinstance(record, dict) or record.get("format") != FORMAT:
         raise InputError(f'{path}: is not of format "{FORMAT}"; fit again')
+    verdict = record.get("verdict")
+    if not isinstance(verdict, dict) or not isinstance(verdict.get("status"), str):
+        raise InputError(f"{path}: is damaged, it has no verdict; fit again")
     curves: dict[str, np.ndarray] = {}
     if (folder / CURVES).is_file():
         try:
-            with np.load(folder / CURVES, allow_pickle=False) as stored:
+            # numpy leaves a damaged file open when it opens it itself.
+            with open(folder / CURVES, "rb") as stream, np.load(stream, allow_pickle=False) as stored:
                 curves = {name: stored[name] for name in stored.files}
-        except (ValueError, OSError, EOFError) as error:
+        except (ValueError, OSError, EOFError, BadZipFile) as error:
             raise InputError(f"{folder / CURVES}: can't be read ({error}); fit again") from error
     return record, curves
 
@@ -150,8 +166,12 @@ def save_folder(
         if target.exists():
             old = target.with_name(f".{target.name}.{os.getpid()}.old")
             os.replace(target, old)
-            os.replace(part, target)
-            shutil.rmtree(old)
+            try:
+                os.replace(part, target)
+            except OSError:
+                os.replace(old, target)
+                raise
+            shutil.rmtree(old, ignore_errors=True)
         else:
             os.replace(part, target)
     except OSError as error:

@@ -33,6 +33,11 @@ class Settings:
     window_s: float | None = None
     energy_cutoff_hz: float | None = None
 
+    def __post_init__(self) -> None:
+        for name in ("position_cutoff_hz", "effort_cutoff_hz", "decimated_rate_hz"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+
     @property
     def sign(self) -> Sign:
         """The Coulomb columns' function of the velocity."""

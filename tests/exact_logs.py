@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 import oracle
 from chains import random_chain
 
+from identify.estimation.identification import Identification
 from identify.experiment.trajectory import Trajectory, random_trajectory
 from identify.logs.log import Log
 from identify.robot.robot import Drive, Robot
+from identify.workflow import fit
 
 
 def arm(seed: int = 1, n: int = 3) -> Robot:
@@ -50,3 +53,17 @@ def unknown(robot: Robot) -> Robot:
     """The same geometry and limits with nothing said of inertia and friction."""
     nothing = type(robot.joints[0].link)()
     return replace(robot, joints=tuple(replace(joint, link=nothing, drive=Drive()) for joint in robot.joints))
+
+
+@lru_cache(maxsize=1)
+def fitted() -> Identification:
+    """A fit of `arm(1)` with a held-out log, for tests that need any result; nobody may change it."""
+    robot = arm(1)
+    return fit(exact_log(robot, noise=0.02), robot, test=[exact_log(robot, 2, noise=0.02, source="test.mcap")])
+
+
+@lru_cache(maxsize=1)
+def fitted_with_dropped_column() -> Identification:
+    """The same of `arm(2)`: prismatic, revolute, prismatic; the first offset can't be told from gravity."""
+    robot = arm(2)
+    return fit(exact_log(robot, noise=0.02), robot)

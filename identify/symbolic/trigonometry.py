@@ -57,9 +57,9 @@ class Algebra:
         """The polynomial as an expression in the symbols of `trigonometric`."""
         return polynomial.as_expr().xreplace(self.numbers)
 
-    def reduce(self, polynomial: Polynomial) -> Polynomial:
-        """The polynomial with s² replaced by 1 − c² for every pair."""
-        for c, s in self.pairs:
+    def reduce(self, polynomial: Polynomial, pairs: Iterable[tuple[int, int]] | None = None) -> Polynomial:
+        """The polynomial with s² replaced by 1 − c² for every pair, or for the given ones (indices)."""
+        for c, s in self.pairs if pairs is None else pairs:
             if any(m[s] > 1 for m in polynomial):
                 gens = self.ring.gens
                 swap = 1 - gens[c] ** 2

@@ -12,9 +12,10 @@ import numpy as np
 from identify import __version__
 from identify.estimation.fitting import Fit, ModelFit
 from identify.estimation.identification import FORMAT, FRICTION
+from identify.estimation.scoring import explained
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
-from identify.robot.robot import Robot
+from identify.robot.robot import Limits, Robot
 from identify.symbolic.formula import formula
 from identify.validation.verdict import WELL_KNOWN
 
@@ -40,12 +41,7 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
                     "type": joint.type,
                     "effort_unit": joint.effort_unit,
                     "position_unit": joint.position_unit,
-                    "limits": {
-                        "position": [_finite(x) for x in joint.limits.position],
-                        "velocity": _finite(joint.limits.velocity),
-                        "acceleration": _finite(joint.limits.acceleration),
-                        "effort": _finite(joint.limits.effort),
-                    },
+                    "limits": _limits(joint.limits),
                 }
                 for joint in robot.joints
             ],
@@ -62,7 +58,7 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
 
 
 def log_entry(log: Log, role: str) -> dict[str, Any]:
-    return {
+    row = {
         "path": log.source,
         "role": role,
         "sha256": log.sha256,
@@ -73,6 +69,7 @@ def log_entry(log: Log, role: str) -> dict[str, Any]:
         "noise": log.metadata.get("noise"),
         "findings": list(log.findings),
     }
+    return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 
 
 def parameters(
@@ -85,7 +82,7 @@ def parameters(
     relative = 100 * estimate.std / np.maximum(np.abs(estimate.parameters), 1e-300)
 
     def entry(i: int) -> dict[str, Any]:
-        return {
+        row = {
             "estimate": float(estimate.parameters[i]),
             "std": float(estimate.std[i]),
             "relative_std_percent": float(relative[i]) if relative[i] < 1e9 else None,
@@ -93,6 +90,7 @@ def parameters(
             "identified": bool(relative[i] < WELL_KNOWN),
             "truth": None if truth is None else float(truth[i]),
         }
+        return explained(row, {"relative_std_percent": "the estimate is next to nothing"})
 
     base = [
         {
@@ -143,8 +141,14 @@ def fit_figures(fit: ModelFit, figures: dict[str, Any]) -> dict[str, Any]:
 
 
 def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
+    table = dict.fromkeys(("coulomb_velocity", "window_s", "energy_cutoff_hz")) | fit.settings.to_dict()
+    reasons = {
+        "coulomb_velocity": "the exact sign is used where the joint moves",
+        "window_s": "the torque model has no windows",
+        "energy_cutoff_hz": "the torque model has no energies",
+    }
     return {
-        **fit.settings.to_dict(),
+        **explained(table, reasons),
         "chosen_by": "cross-validation inside the training logs: 0.5 s blocks dealt to 5 folds",
         "rows": fit.estimate.rows,
         "effective_samples": fit.estimate.effective_samples,
@@ -169,8 +173,7 @@ def models(fit: Fit, figures: dict[str, dict[str, Any]], agreement: dict[str, An
                 for name, x, s in zip(estimate.names, estimate.parameters, estimate.std, strict=True)
             ],
             "condition_number": estimate.condition_number,
-            "window_s": model.settings.window_s,
-            "energy_residual_percent": model.energy_residual_percent,
+            **({} if model.model == "torque" else _energy_only(model)),
             **{k: figures[model.model][k] for k in ("relative_residual_percent", "moving_relative_residual_percent")},
         }
     for name, reason in fit.reasons.items():
@@ -196,6 +199,22 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "not installed"
     return found
+
+
+def _energy_only(fit: ModelFit) -> dict[str, Any]:
+    return {"window_s": fit.settings.window_s, "energy_residual_percent": fit.energy_residual_percent}
+
+
+def _limits(limits: Limits) -> dict[str, Any]:
+    position = [_finite(x) for x in limits.position]
+    row = {
+        "position": None if position == [None, None] else position,
+        "velocity": _finite(limits.velocity),
+        "acceleration": _finite(limits.acceleration),
+        "effort": _finite(limits.effort),
+    }
+    one_sided = {"position_reason": "the robot file gives it on one side alone"} if None in position else {}
+    return one_sided | explained(row, dict.fromkeys(row, "the robot file gives none"))
 
 
 def _finite(value: float) -> float | None:

@@ -18,6 +18,12 @@ from identify.robot.robot import Robot
 
 CUTOFF_HZ = 10.0
 SPEED_CUTOFF_HZ = 20.0
+WHY_NOT = {
+    "relative_residual_percent": "the measured effort is zero",
+    "moving_relative_residual_percent": "the joint never moves with any effort",
+    "moving_rmse": "the joint never moves",
+    "rest_rmse": "the joint is never at rest",
+}
 
 
 def speed_of(log: Log) -> np.ndarray:
@@ -31,6 +37,11 @@ def relative(measured: np.ndarray, predicted: np.ndarray) -> float | None:
     """100·‖measured − predicted‖ / ‖measured‖ [%]; None where nothing was measured."""
     size = np.linalg.norm(measured)
     return float(100 * np.linalg.norm(measured - predicted) / size) if size > 0 else None
+
+
+def explained(row: dict[str, Any], reasons: dict[str, str]) -> dict[str, Any]:
+    """The row with, for each of its values that is None, the reason beside it as "<key>_reason"."""
+    return row | {f"{key}_reason": text for key, text in reasons.items() if key in row and row[key] is None}
 
 
 def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot) -> dict[str, Any]:
@@ -59,12 +70,13 @@ def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot)
                 "rest_share_percent": float(100 * still.mean()),
             }
         )
-    return {
+    total = {
         "relative_residual_percent": relative(tau, guess),
         "moving_relative_residual_percent": relative(tau_moving, guess_moving),
-        "per_joint": joints,
+        "per_joint": [explained(joint, WHY_NOT) for joint in joints],
         "duration_s": float(sum(log.duration for log in logs)),
     }
+    return explained(total, WHY_NOT)
 
 
 def _filtered(log: Log, predicted: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -45,8 +45,10 @@ class Settings:
         return smooth_sign(STILL if self.coulomb_velocity is None else self.coulomb_velocity)
 
     def to_dict(self) -> dict[str, Any]:
+        """All of it for JSON, less what does not apply."""
         form = "sign" if self.coulomb_velocity is None else "smooth sign"
-        return {**asdict(self), "still_rad_s": STILL, "coulomb_form": form}
+        applying = {key: value for key, value in asdict(self).items() if value is not None}
+        return {**applying, "still_rad_s": STILL, "coulomb_form": form}
 
     @staticmethod
     def from_dict(record: dict[str, Any]) -> Settings:

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.estimation.identification import predicted_effort
 from identify.estimation.motion import low_pass, motion_of
-from identify.estimation.scoring import CUTOFF_HZ, scored, speed_of
+from identify.estimation.scoring import CUTOFF_HZ, explained, scored, speed_of
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
@@ -52,21 +52,18 @@ def held_out(
     high = np.max([t.position.max(axis=0) for t in training], axis=0)
     outside = ((log.position < low) | (log.position > high)).mean(axis=0)
     result["outside_training_percent"] = [float(100 * x) for x in outside]
-    result["nominal_relative_residual_percent"] = None
-    for joint in result["per_joint"]:
-        joint["nominal_moving_rmse"] = None
-    if nominal is None:
-        result["nominal_relative_residual_percent_reason"] = (
-            "the log is a simulation of the robot file itself"
-            if log.simulated
-            else "the robot file gives no inertias to predict with"
-        )
-        return result, prediction
-    theirs, _ = figures(regressor, [log], nominal, settings)
-    result["nominal_relative_residual_percent"] = theirs["relative_residual_percent"]
-    for joint, other in zip(result["per_joint"], theirs["per_joint"], strict=True):
-        joint["nominal_moving_rmse"] = other["moving_rmse"]
-    return result, prediction
+    result["is_a_training_log"] = any(np.array_equal(log.position, t.position) for t in training)
+    theirs = None if nominal is None else figures(regressor, [log], nominal, settings)[0]
+    why = "the joint never moves or nothing was measured"
+    if theirs is None:
+        same = "the log is a simulation of the robot file itself"
+        why = same if log.simulated else "the robot file gives no inertias to predict with"
+    result["nominal_relative_residual_percent"] = theirs and theirs["relative_residual_percent"]
+    for j, joint in enumerate(result["per_joint"]):
+        joint["nominal_moving_rmse"] = theirs and theirs["per_joint"][j]["moving_rmse"]
+    reasons = {"nominal_relative_residual_percent": why, "nominal_moving_rmse": why}
+    result["per_joint"] = [explained(joint, reasons) for joint in result["per_joint"]]
+    return explained(result, reasons), prediction
 
 
 def curves(
@@ -110,17 +107,16 @@ def coverage(robot: Robot, logs: Sequence[Log], settings: Settings) -> dict[str,
         speed = float(max(np.abs(m.dq[:, j]).max() for m in motions))
         acceleration = float(max(np.abs(m.ddq[:, j]).max() for m in motions))
         low, high = joint.limits.position
-        rows.append(
-            {
-                "joint": joint.name,
-                "position": [float(q.min()), float(q.max())],
-                "position_limit_percent": _share(float(np.ptp(q)), high - low),
-                "velocity_max": speed,
-                "velocity_limit_percent": _share(speed, joint.limits.velocity),
-                "acceleration_max": acceleration,
-                "acceleration_limit_percent": _share(acceleration, joint.limits.acceleration),
-            }
-        )
+        row = {
+            "joint": joint.name,
+            "position": [float(q.min()), float(q.max())],
+            "position_limit_percent": _share(float(np.ptp(q)), high - low),
+            "velocity_max": speed,
+            "velocity_limit_percent": _share(speed, joint.limits.velocity),
+            "acceleration_max": acceleration,
+            "acceleration_limit_percent": _share(acceleration, joint.limits.acceleration),
+        }
+        rows.append(explained(row, dict.fromkeys(row, "the robot file gives no such limit")))
     return {"per_joint": rows}
 
 

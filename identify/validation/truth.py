@@ -14,7 +14,7 @@ from identify.regressor.regressor import Regressor
 def true_parameters(regressor: Regressor, log: Log) -> np.ndarray | None:
     """(p,) true values in the order of the regressor's names, from LOG.truth.json beside the log.
 
-    None where there is no such file, or it belongs to another log.
+    None where there is no such file, it belongs to another log, or it makes no sense.
     """
     path = Path(log.source).with_suffix(".truth.json") if Path(log.source).name else None
     if path is None or not path.is_file():
@@ -32,6 +32,7 @@ def true_parameters(regressor: Regressor, log: Log) -> np.ndarray | None:
             for name, key in (("Fv", "viscous"), ("Fs", "coulomb"), ("off", "offset"))
         }
         extra |= {entry["name"]: float(entry["value"]) for entry in truth.get("transmission", [])}
-        return regressor.theta(np.array(truth["standard"], dtype=float), extra)
-    except (ValueError, KeyError, TypeError, OSError):
+        theta = regressor.theta(np.array(truth["standard"], dtype=float), extra)
+    except (ValueError, KeyError, TypeError, AttributeError, OSError):
         return None
+    return theta if np.isfinite(theta).all() else None

@@ -61,14 +61,17 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
             "result": "no held-out log",
             "action": "Pass a log of another motion with --test.",
         }
-    worst = 0.0
+    shares = []
     for test in record["test"]:
+        if test["is_a_training_log"]:
+            reasons.append(f"{test['path']}: is a training log too, so that it tests nothing")
+            continue
         bad = []
         for joint in test["per_joint"]:
             if joint["moving_rmse"] is None or not joint["std_of_signal"]:
                 continue
             share = 100 * joint["moving_rmse"] / joint["std_of_signal"]
-            worst = max(worst, share)
+            shares.append(share)
             if share >= MEAN_LIMIT:
                 bad.append(joint["joint"])
         if bad:
@@ -83,6 +86,14 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
                 f"{name} is outside the positions of the training logs for {share:.0f} % of {Path(test['path']).name}: "
                 "trust the parameters less there, or train on a wider motion."
             )
+    if not shares:
+        reasons.append("no joint moves in a held-out log that was not fitted, so prediction is not tested")
+        return use | {
+            "status": "NOT TESTED",
+            "result": "no motion that was not fitted",
+            "action": "Pass a log of another motion with --test.",
+        }
+    worst = max(shares)
     totals = [t["moving_relative_residual_percent"] for t in record["test"]]
     total = max(x for x in totals if x is not None) if any(x is not None for x in totals) else None
     met = worst < MEAN_LIMIT

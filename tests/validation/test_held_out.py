@@ -1,0 +1,156 @@
+"""What a result is worth on a log: figures of the prediction, the range it was trained on, curves to draw."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from exact_logs import arm, exact_log, fitted, motion, unknown
+
+from identify.estimation.scoring import scored
+from identify.estimation.settings import STILL, Settings
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+from identify.validation.held_out import (
+    CURVE_ROWS,
+    coverage,
+    curves,
+    figures,
+    held_out,
+    nominal_parameters,
+    residual_autocorrelation,
+)
+
+ARM = arm(1)
+REGRESSOR = Regressor(ARM)
+SETTINGS = Settings()
+HALF = 0.5 * REGRESSOR.parameters
+
+
+def test_figures_are_those_of_the_prediction() -> None:
+    logs = [exact_log(ARM, 1), exact_log(ARM, 2)]
+    found, predictions = figures(REGRESSOR, logs, HALF, SETTINGS)
+    assert found == scored(logs, predictions, ARM)
+    # Effort is linear in the parameters: half of them leave half of it.
+    assert found["relative_residual_percent"] == pytest.approx(50, abs=0.5)
+
+
+def test_outside_training_is_the_share_of_time_beyond_its_positions() -> None:
+    train, log = exact_log(ARM, 1), exact_log(ARM, 2)
+    spread = np.ptp(train.position, axis=0)
+    low, high = train.position.min(axis=0), train.position.max(axis=0)
+    moved = train.position + 0.25 * spread * [1.0, -1.0, 0.0]
+    found, _ = held_out(REGRESSOR, replace(train, position=moved), [train], HALF, SETTINGS, None)
+    expected = [(moved[:, 0] > high[0]).mean(), (moved[:, 1] < low[1]).mean(), 0.0]
+    assert found["outside_training_percent"] == pytest.approx([100 * x for x in expected])
+    assert 0 < expected[0] < 1
+    both, _ = held_out(REGRESSOR, log, [train, log], HALF, SETTINGS, None)
+    assert both["outside_training_percent"] == [0.0] * 3
+
+
+def test_a_training_log_is_known_again() -> None:
+    train, log = exact_log(ARM, 1), exact_log(ARM, 2)
+    assert held_out(REGRESSOR, train, [log, train], HALF, SETTINGS, None)[0]["is_a_training_log"] is True
+    assert held_out(REGRESSOR, log, [train], HALF, SETTINGS, None)[0]["is_a_training_log"] is False
+
+
+def test_the_nominal_model_stands_beside_the_identified_one() -> None:
+    log = exact_log(ARM, 2)
+    nominal = nominal_parameters(REGRESSOR)
+    found, _ = held_out(REGRESSOR, log, [exact_log(ARM, 1)], HALF, SETTINGS, nominal)
+    exact = figures(REGRESSOR, [log], REGRESSOR.parameters, SETTINGS)[0]
+    assert found["nominal_relative_residual_percent"] == exact["relative_residual_percent"] < 1
+    assert [j["nominal_moving_rmse"] for j in found["per_joint"]] == [j["moving_rmse"] for j in exact["per_joint"]]
+    assert found["relative_residual_percent"] > 40
+
+
+@pytest.mark.parametrize(
+    ("metadata", "reason"), [({}, "gives no inertias"), ({"simulated": "true"}, "is a simulation of the robot file")]
+)
+def test_where_there_is_no_nominal_model_it_says_why(metadata: dict[str, str], reason: str) -> None:
+    assert nominal_parameters(Regressor(unknown(ARM))) is None
+    log = replace(exact_log(ARM, 2), metadata=metadata)
+    found, _ = held_out(REGRESSOR, log, [log], HALF, SETTINGS, None)
+    assert found["nominal_relative_residual_percent"] is None
+    assert reason in found["nominal_relative_residual_percent_reason"]
+    for joint in found["per_joint"]:
+        assert joint["nominal_moving_rmse"] is None
+        assert reason in joint["nominal_moving_rmse_reason"]
+
+
+@pytest.mark.parametrize("robot", [arm(1), arm(2)])
+def test_curves_split_the_prediction_into_rigid_body_and_friction(robot: Robot) -> None:
+    """measured − rigid is friction: of exact data with exact parameters, Fv·q̇ + Fs·sign(q̇) + offset."""
+    regressor = Regressor(robot)
+    log = exact_log(robot, 1, rate=500.0)
+    theta = regressor.parameters
+    prediction = figures(regressor, [log], theta, SETTINGS)[1][0]
+    found = curves("test3", regressor, log, prediction, theta, SETTINGS)
+    rows = len(found["test3/time"])
+    assert CURVE_ROWS / 2 < rows <= CURVE_ROWS
+    assert {name.split("/")[0] for name in found} == {"test3"}
+    for name in ("measured", "predicted", "rigid", "position", "velocity", "acceleration"):
+        assert found[f"test3/{name}"].shape == (rows, 3)
+    assert found["test3/moving"].dtype == bool
+    t = found["test3/time"]
+    q, dq, ddq = motion(robot).sample(t)
+    inside = slice(100, -100)
+    for name, exact in (("position", q), ("velocity", dq), ("acceleration", ddq)):
+        np.testing.assert_allclose(found[f"test3/{name}"][inside], exact[inside], rtol=0, atol=5e-3)
+    clear = np.abs(np.abs(dq) - STILL) > 0.002
+    np.testing.assert_array_equal(
+        found["test3/moving"][inside][clear[inside]], (np.abs(dq) > STILL)[inside][clear[inside]]
+    )
+    lost = found["test3/measured"] - found["test3/rigid"]
+    drives = [joint.drive for joint in robot.joints]
+    far = np.array([np.abs(dq[max(0, k - 100) : k + 101]).min(axis=0) > 0.03 for k in range(len(t))])
+    for j, drive in enumerate(drives):
+        if "off" + str(j + 1) in regressor.names:
+            expected = drive.viscous * dq[:, j] + drive.coulomb * np.sign(dq[:, j]) + drive.offset
+            assert np.abs(lost[far[:, j], j] - expected[far[:, j]]).max() < 0.05 * np.abs(expected).max()
+
+
+def test_coverage_is_what_the_motion_used_of_the_limits() -> None:
+    logs = [exact_log(ARM, seed) for seed in (1, 2)]
+    samples = [motion(ARM, seed).sample(logs[0].time) for seed in (1, 2)]
+    q, dq, ddq = (np.concatenate(x) for x in zip(*samples, strict=True))
+    for j, row in enumerate(coverage(ARM, logs, SETTINGS)["per_joint"]):
+        limits = ARM.joints[j].limits
+        assert row["position"] == pytest.approx([q[:, j].min(), q[:, j].max()], abs=1e-3)
+        assert row["position_limit_percent"] == pytest.approx(100 * np.ptp(q[:, j]) / 4.0, rel=1e-3)
+        assert row["velocity_max"] == pytest.approx(np.abs(dq[:, j]).max(), rel=1e-2)
+        assert row["velocity_limit_percent"] == pytest.approx(100 * row["velocity_max"] / limits.velocity)
+        assert row["acceleration_limit_percent"] == pytest.approx(
+            100 * np.abs(ddq[:, j]).max() / limits.acceleration, rel=0.05
+        )
+
+
+def test_limits_that_nobody_gave_are_null_with_a_reason() -> None:
+    free = replace(ARM, joints=tuple(replace(j, limits=type(j.limits)()) for j in ARM.joints))
+    for row in coverage(free, [exact_log(ARM)], SETTINGS)["per_joint"]:
+        for key in ("position_limit_percent", "velocity_limit_percent", "acceleration_limit_percent"):
+            assert row[key] is None
+            assert row[f"{key}_reason"] == "the robot file gives no such limit"
+
+
+def test_autocorrelation_of_an_oscillating_residual() -> None:
+    log = exact_log(ARM, 1)
+    wave = np.sin(2 * np.pi * 4.0 * log.time)[:, None] * [1.0, 2.0, 0.0]
+    found = residual_autocorrelation(log, log.effort - wave)
+    lag, values = found["residual/lag"], found["residual/autocorrelation"]
+    assert values.shape == (len(lag), 3)
+    assert lag[0] == 0
+    np.testing.assert_allclose(values[0, :2], 1.0)
+    half, whole = (int(np.abs(lag - x).argmin()) for x in (0.125, 0.25))
+    assert (values[half, :2] < -0.8).all()
+    assert (values[whole, :2] > 0.8).all()
+    np.testing.assert_array_equal(values[:, 2], 0.0)
+
+
+def test_a_whole_fit_holds_these_figures() -> None:
+    record = fitted().record
+    assert [t["path"] for t in record["test"]] == ["test.mcap"]
+    assert record["test"][0]["is_a_training_log"] is False
+    assert len(record["coverage"]["per_joint"]) == 3
+    assert {name.split("/")[0] for name in fitted().curves} == {"train0", "test0", "residual"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +62,13 @@ def rank(matrix: np.ndarray) -> np.ndarray:
     """(N,) ranks of matrices (N, 6, n): singular values above 1e-9 of the largest."""
     values = np.linalg.svd(matrix, compute_uv=False)
     return (values > RANK_TOLERANCE * values[..., :1]).sum(axis=-1)
+
+
+@lru_cache(maxsize=16)
+def largest_rank(robot: Robot) -> int:
+    """Rank of the Jacobian at an arbitrary configuration: the degrees of freedom of the operational space."""
+    q = np.random.default_rng(4).uniform(-2.5, 2.5, (8, robot.n))
+    return int(rank(jacobian(robot, q)).max())
 
 
 @dataclass(frozen=True)
@@ -150,8 +158,7 @@ def determinant(robot: Robot) -> Determinant:
     import sympy
 
     space = algebra(serial(robot))
-    rng = np.random.default_rng(4)
-    full = int(rank(jacobian(robot, rng.uniform(-2.5, 2.5, (5, robot.n)))).max())
+    full = largest_rank(robot)
     best = min(
         (symbolic_matrix(robot, i, point, space) for i in range(robot.n + 1) for point in {i, robot.n}),
         key=lambda m: (sum(e != 0 for e in m), m.applyfunc(lambda e: e.count_ops()).norm(1)),

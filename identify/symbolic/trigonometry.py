@@ -162,15 +162,14 @@ def algebra(robot: Robot) -> Algebra:
     pairs = list(places.values())
     named: dict[sympy.Expr, sympy.Symbol] = {}
     for number in sorted(irrational, key=sympy.default_sort_key):
-        named[number] = sympy.Symbol(f"_number{len(named)}")
-        symbols.append(named[number])
-        other = sympy.sin(number.args[0]) if isinstance(number, sympy.cos) else None
-        if other in irrational:
-            named[other] = sympy.Symbol(f"_number{len(named)}")
-            irrational.discard(other)
-            symbols.append(named[other])
+        if number in named:
+            continue
+        both = (number, sympy.sin(number.args[0])) if isinstance(number, sympy.cos) else (number,)
+        for one in both if both[-1] in irrational else (number,):
+            named[one] = sympy.Symbol(f"_number{len(named)}")
+            symbols.append(named[one])
+        if both[-1] in irrational and len(both) == 2:
             pairs.append((len(symbols) - 2, len(symbols) - 1))
-    named = {number: symbol for number, symbol in named.items() if symbol in symbols}
     return Algebra(
         robot, PolyRing(symbols, QQ, sympy.lex), tuple(symbols), places, tuple(pairs), prismatic,
         {symbol: number for number, symbol in named.items()}, named,

@@ -64,8 +64,7 @@ def measure(run: PlantRun, noise: str, seed: int, robot: Robot) -> Log:
             "generator": f"identify {__version__}, numpy {np.__version__} PCG64",
             "position": _described(noise, f"{np.rad2deg(POSITION_NOISE[noise]):g} deg or {SLIDE_NOISE[noise]:g} m"),
             "effort": _described(noise, f"{100 * EFFORT_NOISE[noise]:g} % of the effort limit"),
-            "velocity": "backward differences of the measured position, "
-            f"causal first-order low-pass at {cutoff:g} Hz",
+            "velocity": f"backward differences of the measured position, causal first-order low-pass at {cutoff:g} Hz",
             **run.facts,
             **({"findings": "; ".join(run.findings)} if run.findings else {}),
         },

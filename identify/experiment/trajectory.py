@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from identify.errors import InputError
+from identify.experiment.limits import working_limits
 from identify.logs.files import replacing
-from identify.robot.robot import Joint, Robot
+from identify.robot.robot import Robot
 
 FORMAT = "identify/trajectory/1"
 
@@ -221,9 +222,8 @@ def random_trajectory(
     """A random motion inside `fill` of the robot's position, velocity and acceleration limits.
 
     Coefficients are normal (seeded), projected on rest at both ends, then scaled joint by joint until the
-    first of the three limits is met; the motion lies in the middle of the position limits. Where a limit is
-    infinite this stands for it: ±1.5 rad about zero, 1.5 rad/s, 3 rad/s² (prismatic: ±0.3 m, 0.3 m/s,
-    0.6 m/s²). Effort limits are not looked at: `simulate` reports an effort beyond them.
+    first of the three limits is met; the motion lies in the middle of the position limits. `working_limits` says
+    what stands for limits that are infinite. Effort limits are not looked at: `simulate` reports an effort beyond them.
     A baseline for designed excitation, and a motion for robots and tests that need any.
     """
     if harmonics < 2:
@@ -234,30 +234,12 @@ def random_trajectory(
     a, b = at_rest(*generator.standard_normal((2, robot.n, harmonics)))
     unit = Trajectory(robot.joint_names, np.zeros(robot.n), a, b, fundamental_hz, periods=1, rest=0.0)
     q, dq, ddq = unit.sample(np.linspace(0.0, unit.period, 200 * harmonics + 1))
-    scale, q0 = np.zeros(robot.n), np.zeros(robot.n)
-    for j, joint in enumerate(robot.joints):
-        low, high = _position_range(joint)
-        size = 1.0 if joint.revolute else 0.2
-        velocity = _finite_or(joint.limits.velocity, 1.5 * size)
-        acceleration = _finite_or(joint.limits.acceleration, 3.0 * size)
-        reach, peak_velocity, peak_acceleration = np.ptp(q[:, j]), np.abs(dq[:, j]).max(), np.abs(ddq[:, j]).max()
-        scale[j] = fill * min((high - low) / reach, velocity / peak_velocity, acceleration / peak_acceleration)
-        q0[j] = (low + high) / 2 - scale[j] * (q[:, j].max() + q[:, j].min()) / 2
+    limits = working_limits(robot)
+    peaks = np.abs(dq).max(axis=0) / limits.velocity, np.abs(ddq).max(axis=0) / limits.acceleration
+    scale = fill / np.max([np.ptp(q, axis=0) / (2 * limits.half), *peaks], axis=0)
+    q0 = limits.middle - scale * (q.max(axis=0) + q.min(axis=0)) / 2
     a, b = scale[:, None] * a, scale[:, None] * b
     return Trajectory(robot.joint_names, q0, a, b, fundamental_hz, periods, rest, "random", seed)
-
-
-def _finite_or(limit: float, default: float) -> float:
-    return limit if math.isfinite(limit) else default
-
-
-def _position_range(joint: Joint) -> tuple[float, float]:
-    """Position limits of a joint, with 3 rad or 0.6 m of room where a side has none."""
-    low, high = joint.limits.position
-    room = 3.0 if joint.revolute else 0.6
-    if math.isinf(low) and math.isinf(high):
-        return -room / 2, room / 2
-    return (high - room if math.isinf(low) else low), (low + room if math.isinf(high) else high)
 
 
 def _quoted(text: str) -> str:

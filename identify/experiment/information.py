@@ -1,0 +1,265 @@
+"""How much a motion tells about a robot's parameters, with exact derivatives with respect to the motion.
+
+Observation matrices of the torque model (one row a joint and sample) and of the energy model (one row a window),
+rows weighted by the noise they carry, columns brought to one size. What a criterion asks of their entries is pulled
+back to q, q̇ and q̈ by reverse mode through the graph that the entries are generated from; friction and motor
+columns are pulled back by hand. Coulomb friction has a smooth sign here, so that all is differentiable.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.linalg import inv, qr
+
+from identify.regressor.columns import COUPLED, OWN
+from identify.regressor.kernel import Kernel
+from identify.regressor.regressor import Regressor
+from identify.symbolic.chain import input_symbols
+from identify.symbolic.energy import energy_regressor
+from identify.symbolic.expression import Graph, Scalar, gradient
+from identify.symbolic.newton_euler import torque_regressor
+from identify.symbolic.printing import compiled
+
+RIDGE = 1e-6
+"""Weight of the row that is added for each column, of size 1: parameters that no motion excites then cost a constant
+instead of making the criterion infinite."""
+
+STILL = 1e-2
+"""Noise of a window that stands still, as a share of the noise of one with every joint at its velocity limit."""
+
+DISTINCT = 1e-12
+"""Smallest singular value of column-scaled rows, as a share of the largest, that counts as information."""
+
+Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""q, q̇, q̈, or the derivatives of a number with respect to them, each (N, n)."""
+
+
+def log_variance(rows: np.ndarray, reference: np.ndarray) -> tuple[float, np.ndarray]:
+    """What the estimate from `rows` (K, p) is worth, the smaller the better, and its derivative (K, p).
+
+    −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters (D-optimal), which no scaling
+    of the columns changes but for a constant, plus the log of the mean variance of what they predict on the
+    reference rows R (V-optimal; Atkinson & Donev 1992).
+    """
+    p = rows.shape[1]
+    root = inv(qr(np.vstack([rows, RIDGE * np.eye(p)]), mode="r"))
+    predicted = reference @ root
+    total = float(np.sum(predicted**2))
+    # AᵀA = (root·rootᵀ)⁻¹
+    value = 2.0 * np.sum(np.log(np.abs(np.diag(root)))) / p + np.log(total / p)
+    inner = np.eye(p) / p + predicted.T @ predicted / total
+    return float(value), -2.0 * rows @ (root @ inner @ root.T)
+
+
+def reference_factor(rows: np.ndarray) -> np.ndarray:
+    """(p, p) triangular R with RᵀR the mean of rᵀr over the rows (K, p), to stand for them in `log_variance`."""
+    return qr(rows, mode="r") / np.sqrt(len(rows))
+
+
+def scaled_condition(rows: np.ndarray) -> tuple[float, np.ndarray]:
+    """Condition number of rows (K, p) with each column divided by its norm, and which columns (p,) take part in
+    combinations that the rows say nothing about; the number is of what is left without these."""
+    factor = qr(rows, mode="r")
+    norm = np.linalg.norm(factor, axis=0)
+    _, size, directions = np.linalg.svd(factor / np.where(norm > 0, norm, 1.0))
+    told = size > DISTINCT * size[0]
+    lost = np.abs(directions[len(size) :]).max(axis=0, initial=0.0) > 1e-6
+    lost |= np.abs(directions[: len(size)][~told]).max(axis=0, initial=0.0) > 1e-6
+    return float(size[0] / size[told][-1]), lost
+
+
+@dataclass(frozen=True, eq=False)
+class JointTerms:
+    """Friction, offset and motor columns as matrices, so that their derivatives are one line each.
+
+    A column is q̇·S (viscous) or q̈·S (inertia) with a symmetric S, arms·sign(arms·q̇) (Coulomb), or 1 on one
+    joint (offset). *_at (c,): where the columns stand among all; viscous, inertia (n, n, c); arms, offset (n, c);
+    width (c,): speed over which each Coulomb column's sign turns.
+    """
+
+    viscous_at: list[int]
+    viscous: np.ndarray
+    inertia_at: list[int]
+    inertia: np.ndarray
+    coulomb_at: list[int]
+    arms: np.ndarray
+    width: np.ndarray
+    offset_at: list[int]
+    offset: np.ndarray
+
+    @staticmethod
+    def of(regressor: Regressor, width: np.ndarray) -> JointTerms:
+        """The terms of a regressor; width (n,): speed over which the sign of each joint turns."""
+        n, unit = regressor.robot.n, np.eye(regressor.robot.n)
+        columns = regressor.extra.columns if regressor.extra else ()
+        found: dict[str, dict[int, np.ndarray]] = {kind: {} for kind in (*OWN, *COUPLED)}
+        for at, column in enumerate(columns, len(regressor.base.names)):
+            rho = np.array(column.ratios) if column.ratios else unit[column.index]
+            square = np.outer(rho, rho) - (np.diag(rho**2) if column.ratios else 0.0)
+            found[column.kind][at] = rho if column.kind in ("Fs", "Fsm", "off") else square
+
+        def stacked(kinds: dict[int, np.ndarray], *shape: int) -> tuple[list[int], np.ndarray]:
+            return list(kinds), np.moveaxis(np.array(list(kinds.values())).reshape(-1, *shape), 0, -1)
+
+        viscous, inertia = stacked(found["Fv"] | found["Fvm"], n, n), stacked(found["Iam"], n, n)
+        coulomb, offset = stacked(found["Fs"] | found["Fsm"], n), stacked(found["off"], n)
+        return JointTerms(*viscous, *inertia, *coulomb, width @ np.abs(coulomb[1]), *offset)
+
+    def signs(self, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Speeds, their smooth signs and the slopes of these, each (N, c), of the Coulomb columns."""
+        speed = dq @ self.arms
+        sign = np.tanh(speed / self.width)
+        return speed, sign, (1 - sign**2) / self.width
+
+
+class TorqueModel:
+    """The torque regressor along N samples: entries, and what a sum over entries is worth to the motion.
+
+    weight (n,): what each joint's rows should count, 1/σ with σ proportional to its effort limit.
+    """
+
+    def __init__(self, regressor: Regressor, samples: int, width: np.ndarray) -> None:
+        robot, kept = regressor.robot, regressor.base.kept
+        self.p = regressor.p
+        self.terms = JointTerms.of(regressor, width)
+        self.weight = 1.0 / noise_scale(regressor)
+        graph = Graph()
+        column = {standard: at for at, standard in enumerate(kept)}
+        entries = {(i, column[c]): e for (i, c), e in torque_regressor(graph, robot, kept).items()}
+        self._entries = _Entries(graph, entries, robot.n, ("q", "dq", "ddq"), samples)
+
+    def matrix(self, motion: Motion) -> np.ndarray:
+        """Y (N, n, p) with smooth signs."""
+        _, dq, ddq = motion
+        samples, n = dq.shape
+        terms, y = self.terms, np.zeros((samples, n, self.p))
+        y[:, self._entries.row, self._entries.column] = self._entries.values(motion).T
+        y[:, :, terms.viscous_at] = np.tensordot(dq, terms.viscous, 1)
+        y[:, :, terms.inertia_at] = np.tensordot(ddq, terms.inertia, 1)
+        y[:, :, terms.coulomb_at] = terms.signs(dq)[1][:, None, :] * terms.arms
+        y[:, :, terms.offset_at] = terms.offset
+        return y
+
+    def pull_back(self, motion: Motion, adjoint: np.ndarray) -> Motion:
+        """Derivatives of Σ adjoint·Y, adjoint (N, n, p), with respect to the motion."""
+        dq, terms = motion[1], self.terms
+        entries = adjoint[:, self._entries.row, self._entries.column].T
+        to_q, to_dq, to_ddq = self._entries.pull_back(motion, entries)
+        to_dq += np.tensordot(adjoint[:, :, terms.viscous_at], terms.viscous, ((1, 2), (1, 2)))
+        to_ddq += np.tensordot(adjoint[:, :, terms.inertia_at], terms.inertia, ((1, 2), (1, 2)))
+        to_sign = np.einsum("kjc,jc->kc", adjoint[:, :, terms.coulomb_at], terms.arms)
+        to_dq += (to_sign * terms.signs(dq)[2]) @ terms.arms.T
+        return to_q, to_dq, to_ddq
+
+
+class EnergyModel:
+    """The energy model's rows over windows of `every` samples of one period: Δh and the work of friction and offset.
+
+    The period is closed: the last window ends at its first sample. A row counts 1/σ, σ² the variance that white
+    noise on the effort, of σ_j proportional to the effort limits, leaves in its work, and STILL of the largest.
+    """
+
+    def __init__(
+        self, regressor: Regressor, samples: int, every: int, step: float, width: np.ndarray, velocity: np.ndarray
+    ) -> None:
+        if samples % every:
+            raise ValueError(f"{samples} samples don't divide into windows of {every}")
+        robot, kept = regressor.robot, regressor.base.kept
+        self.p, self.every, self.step = regressor.p, every, step
+        self.terms = JointTerms.of(regressor, width)
+        self.noise = noise_scale(regressor) ** 2
+        self.loudest = float(self.noise @ velocity**2) * every * step
+        graph = Graph()
+        functions = energy_regressor(graph, robot)
+        entries = {(0, at): functions[c] for at, c in enumerate(kept)}
+        self._entries = _Entries(graph, entries, robot.n, ("q", "dq"), samples)
+
+    def rows(self, motion: Motion) -> np.ndarray:
+        """(N/every, p) weighted rows."""
+        rows, variance = self.matrix(motion)
+        return rows / np.sqrt(variance)[:, None]
+
+    def matrix(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """Rows before weighting, (K, p), and their variances as shares of the loudest possible one's, (K,)."""
+        q, dq, _ = motion
+        terms = self.terms
+        stored, power = np.zeros((2, len(dq), self.p))
+        stored[:, self._entries.column] = self._entries.values((q, dq)).T
+        stored[:, terms.inertia_at] = 0.5 * np.einsum("ki,kic->kc", dq, np.tensordot(dq, terms.inertia, 1))
+        power[:, terms.viscous_at] = np.einsum("ki,kic->kc", dq, np.tensordot(dq, terms.viscous, 1))
+        speed, sign, _ = terms.signs(dq)
+        power[:, terms.coulomb_at] = speed * sign
+        power[:, terms.offset_at] = dq @ terms.offset
+        edges = stored[:: self.every]
+        rows = np.roll(edges, -1, axis=0) - edges + self._work(power)
+        return rows, STILL + self._work(dq**2) @ self.noise / self.loudest
+
+    def pull_back(self, motion: Motion, adjoint: np.ndarray) -> Motion:
+        """Derivatives of Σ adjoint·rows, adjoint (K, p), with respect to the motion; with respect to q̈ they are 0."""
+        q, dq, _ = motion
+        terms = self.terms
+        rows, variance = self.matrix(motion)
+        to_rows = adjoint / np.sqrt(variance)[:, None]
+        to_variance = -0.5 * np.sum(to_rows * rows, axis=1) / variance
+        to_stored = np.zeros((len(dq), self.p))
+        to_stored[:: self.every] = np.roll(to_rows, 1, axis=0) - to_rows
+        to_power = self._spread(to_rows)
+        to_q, to_dq = self._entries.pull_back((q, dq), to_stored[:, self._entries.column].T)
+        to_dq += np.einsum("kc,kic->ki", to_stored[:, terms.inertia_at], np.tensordot(dq, terms.inertia, 1))
+        to_dq += 2 * np.einsum("kc,kic->ki", to_power[:, terms.viscous_at], np.tensordot(dq, terms.viscous, 1))
+        speed, sign, slope = terms.signs(dq)
+        to_dq += (to_power[:, terms.coulomb_at] * (sign + speed * slope)) @ terms.arms.T
+        to_dq += to_power[:, terms.offset_at] @ terms.offset.T
+        to_dq += 2 * dq * self._spread(to_variance[:, None] * self.noise / self.loudest)
+        return to_q, to_dq, np.zeros_like(dq)
+
+    def _work(self, power: np.ndarray) -> np.ndarray:
+        """(K, c) integrals of power (N, c) over the windows, by the trapezoidal rule."""
+        windows = power.reshape(-1, self.every, power.shape[1])
+        first = windows[:, 0]
+        return (windows.sum(axis=1) + 0.5 * (np.roll(first, -1, axis=0) - first)) * self.step
+
+    def _spread(self, to_work: np.ndarray) -> np.ndarray:
+        """The transpose of `_work`: (N, c) from (K, c)."""
+        spread = np.repeat(to_work, self.every, axis=0)
+        spread[:: self.every] = 0.5 * (to_work + np.roll(to_work, 1, axis=0))
+        return spread * self.step
+
+
+def noise_scale(regressor: Regressor) -> np.ndarray:
+    """(n,) size of the noise expected on each joint's effort: its effort limit, 1 where that is infinite."""
+    effort = np.array([joint.limits.effort for joint in regressor.robot.joints])
+    return np.where(np.isfinite(effort), effort, 1.0)
+
+
+class _Entries:
+    """Generated code for the entries of a matrix along `samples` samples, and for its reverse-mode derivative."""
+
+    def __init__(
+        self, graph: Graph, entries: Mapping[tuple[int, int], Scalar], n: int, inputs: Sequence[str], samples: int
+    ) -> None:
+        kernel = Kernel(graph, entries, n, inputs)
+        self.row, self.column, self.n = kernel.row, kernel.column, n
+        self._forward, forward_rows = compiled("entries", kernel.inputs, kernel.outputs)
+        weights = [graph.symbol(f"weight{k}") for k in range(len(kernel.outputs))]
+        names = kernel.inputs | {f"weight{k}": kernel.signals + k for k in range(len(weights))}
+        derivative = gradient(kernel.outputs, weights, input_symbols(graph, n, *inputs))
+        self._reverse, reverse_rows = compiled("derivative", names, derivative)
+        rows = (len(names), len(weights), kernel.signals, forward_rows, reverse_rows)
+        self._inputs, self._values, self._derivative, *self._work = (np.empty((count, samples)) for count in rows)
+
+    def values(self, motion: Sequence[np.ndarray]) -> np.ndarray:
+        """(entries, N), in a buffer that the next call uses again."""
+        inputs = self._inputs[: len(self._derivative)]
+        np.concatenate([signal.T for signal in motion], out=inputs)
+        self._forward(inputs, self._values, self._work[0])
+        return self._values
+
+    def pull_back(self, motion: Sequence[np.ndarray], weights: np.ndarray) -> list[np.ndarray]:
+        """Derivatives (N, n) of Σ weights·entries, weights (entries, N), with respect to each signal."""
+        np.concatenate([*(signal.T for signal in motion), weights], out=self._inputs)
+        self._reverse(self._inputs, self._derivative, self._work[1])
+        return [self._derivative[at : at + self.n].T.copy() for at in range(0, len(self._derivative), self.n)]

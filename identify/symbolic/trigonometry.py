@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -143,8 +144,8 @@ def algebra(robot: Robot) -> Algebra:
 
     angles: list[Angle] = []
     irrational: set[sympy.Expr] = set()
-    for start in range(robot.n):
-        for segment, used in segments(robot, start, robot.n - 1):
+    for start, last in combinations_with_replacement(range(robot.n), 2):
+        for segment, used in segments(robot, start, last):
             irrational |= _irrational([*segment.rotation, *segment.position])
             for i, key in enumerate(used):
                 angles += [key, *differences(used, i)]
@@ -162,14 +163,12 @@ def algebra(robot: Robot) -> Algebra:
     pairs = list(places.values())
     named: dict[sympy.Expr, sympy.Symbol] = {}
     for number in sorted(irrational, key=sympy.default_sort_key):
-        if number in named:
-            continue
-        both = (number, sympy.sin(number.args[0])) if isinstance(number, sympy.cos) else (number,)
-        for one in both if both[-1] in irrational else (number,):
-            named[one] = sympy.Symbol(f"_number{len(named)}")
-            symbols.append(named[one])
-        if both[-1] in irrational and len(both) == 2:
-            pairs.append((len(symbols) - 2, len(symbols) - 1))
+        named[number] = sympy.Symbol(f"_number{len(named)}")
+        symbols.append(named[number])
+    for number in named:
+        sine = sympy.sin(*number.args) if isinstance(number, sympy.cos) else None
+        if sine in named:
+            pairs.append((symbols.index(named[number]), symbols.index(named[sine])))
     return Algebra(
         robot, PolyRing(symbols, QQ, sympy.lex), tuple(symbols), places, tuple(pairs), prismatic,
         {symbol: number for number, symbol in named.items()}, named,

@@ -80,6 +80,7 @@ def test_rooms_use_those_before_them_alone(path: Path) -> None:
     own = room(path)
     if own in SHELL:
         return
+    assert own in ROOMS, f"{own} is a new room: say in ROOMS where it stands"
     for name in imports(path):
         parts = name.split(".")
         if parts[0] == "identify" and len(parts) > 1 and parts[1] in ROOMS:
@@ -102,6 +103,17 @@ def test_every_public_name_is_there() -> None:
 def test_the_command_is_installed() -> None:
     (script,) = importlib.metadata.entry_points(group="console_scripts", name="identify")
     assert script.value == "identify.cli.main:main"
+
+
+def test_the_readme_lists_the_commands_there_are_and_the_keys_of_a_map() -> None:
+    from identify.cli.commands import COMMANDS
+    from identify.logs.table_map import _KEYS
+
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert re.findall(r"^\| `identify (\w+)", text, flags=re.MULTILINE) == list(COMMANDS)
+    section = text.split("## Maps of tables")[1].split("\n## ")[0]
+    assert set(_KEYS) <= set(re.findall(r"`\[?(\w+)\]?`", section))
+    assert len(re.findall(r"^## ", text, flags=re.MULTILINE)) > 5
 
 
 def test_an_installed_copy_knows_its_robots(tmp_path: Path) -> None:

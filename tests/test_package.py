@@ -24,6 +24,7 @@ ROOMS = (
     "robot",
     "symbolic",
     "regressor",
+    "codegen",
     "logs",
     "experiment",
     "estimation",

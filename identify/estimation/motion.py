@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,10 +29,18 @@ def low_pass(x: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
 
     cutoff [Hz] is held below 0.4 of the rate [Hz]. A record too short for the filter's start-up comes back as it is.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
-    sections = butter(4, min(cutoff, 0.4 * rate), fs=rate, output="sos")
+    sections = _butterworth(min(cutoff, 0.4 * rate), rate)
     return sosfiltfilt(sections, x, axis=0) if len(x) > 3 * (2 * len(sections) + 1) else x
+
+
+@lru_cache(maxsize=64)
+def _butterworth(cutoff: float, rate: float) -> np.ndarray:
+    """Sections of the filter; designing it takes longer than passing a short log through it."""
+    from scipy.signal import butter
+
+    return butter(4, cutoff, fs=rate, output="sos")
 
 
 def uniform(log: Log, *channels: np.ndarray, jitter: float = JITTER) -> tuple[np.ndarray, list[np.ndarray], float]:

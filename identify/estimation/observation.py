@@ -64,11 +64,19 @@ def signals(log: Log, settings: Settings) -> Signals:
 
 
 def moving(dq: np.ndarray, guard: int) -> np.ndarray:
-    """(N, n) bool: the joint is faster than STILL, here and for `guard` samples on either side."""
+    """(N, n) bool: the joint is faster than STILL, and with a guard, no rest or reversal is within `guard` samples.
+
+    A fast reversal may fall between two samples, neither of them slow: a change of sign tells it.
+    """
     from scipy.ndimage import maximum_filter1d
 
-    still = (np.abs(dq) <= STILL).astype(np.uint8)
-    return maximum_filter1d(still, 2 * guard + 1, axis=0) == 0
+    still = np.abs(dq) <= STILL
+    if not guard:
+        return ~still
+    reversal = dq[1:] * dq[:-1] < 0
+    still[1:] |= reversal
+    still[:-1] |= reversal
+    return maximum_filter1d(still.astype(np.uint8), 2 * guard + 1, axis=0) == 0
 
 
 def torque_observation(regressor: Regressor, log: Log, settings: Settings) -> Observation:

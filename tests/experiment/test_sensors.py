@@ -74,7 +74,10 @@ def test_same_seed_same_bits_and_channels_do_not_touch_each_other(experiment: tu
     assert np.all(log.effort != other.effort)
     # a shorter run of fewer joints with another effort scale has the same position noise
     part = PlantRun(
-        **{name: getattr(run, name)[:400, :2] for name in ("position", "velocity", "effort", "reference")},
+        **{
+            name: getattr(run, name)[:400, :2]
+            for name in ("position", "velocity", "effort", "step_correction", "reference")
+        },
         time=run.time[:400],
         joints=run.joints[:2],
         saturated=run.saturated[:2],

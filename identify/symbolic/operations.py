@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
 
-VARIABLE = re.compile(r"(q|dq|ddq|dqr|ddqr|F|N)\d+")
-"""Symbols that change from sample to sample: positions, velocities, accelerations, references, the wrench."""
+VARIABLE = re.compile(r"(q|dq|ddq|dqr|ddqr|sign|F|N)\d+")
+"""Symbols that change from sample to sample: q, its derivatives, their signs and references, the wrench."""
 
 
 @dataclass(frozen=True)

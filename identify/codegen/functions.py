@@ -1,0 +1,260 @@
+"""The models a controller carries: each one function of joint signals, with simplified expressions for its entries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from identify.regressor.columns import Column
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
+from identify.symbolic.chain import Mat, Vec, add, cross, joint_transform, matmul, matvec
+from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.energy import energy_regressor
+from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.newton_euler import torque_regressor
+from identify.symbolic.operations import lifted
+from identify.symbolic.polarisation import bilinear_in_rates
+from identify.symbolic.representative import parameter_name, representative
+from identify.symbolic.simplification import simplified
+
+REFERENCES = {"dqr": "dq_ref", "ddqr": "ddq_ref"}
+"""Argument names of the symbols that are no argument names themselves."""
+
+
+@dataclass(frozen=True)
+class Function:
+    """One function: signals (n,) each in, an array of `shape` out, whose entries by flat index are expressions.
+
+    Entries not listed are zero. `signs` {symbol: ratios (n,)}: symbols that stand for sign(ratios · q̇).
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    shape: tuple[int, ...]
+    entries: dict[int, Expression]
+    about: str
+    signs: dict[str, tuple[float, ...]] = field(default_factory=dict)
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape))
+
+
+@dataclass(frozen=True)
+class Models:
+    """All functions of a robot, and the values of their constants: theta (p,) and the dynamic ones {symbol: value}."""
+
+    robot: Robot
+    regressor: Regressor
+    theta: np.ndarray
+    constants: dict[str, float]
+    functions: tuple[Function, ...]
+
+
+def models(robot: Robot, theta: np.ndarray) -> Models:
+    """Every model of `robot`, with parameters theta (p,) in the order of Regressor.names."""
+    regressor = Regressor(robot)
+    chosen = representative(robot)
+    inertial = chosen.matrix @ theta[: len(regressor.base.names)]
+    constants = {parameter_name(k): float(x) for k, x in zip(chosen.kept, inertial, strict=True)}
+    extra = zip(regressor.names[len(regressor.base.names) :], theta[len(regressor.base.names) :], strict=True)
+    constants |= {name: float(x) for name, x in extra}
+    build: tuple[Callable[[Robot, Regressor], Function], ...] = (
+        inverse_dynamics, base_regressor, energy_functions, slotine_li, inertia_matrix, coriolis, gravity,
+        direct_geometry, jacobian,
+    )  # fmt: skip
+    return Models(robot, regressor, theta, constants, tuple(function(robot, regressor) for function in build))
+
+
+def _made(graph: Graph, entries: Mapping[int, Scalar]) -> dict[int, Expression]:
+    """Simplified entries, without those that are zero."""
+    outputs = simplified(lifted(graph, entries.values()))
+    return {at: e for at, e in zip(entries, outputs, strict=True) if e.value != 0}
+
+
+def _torque(graph: Graph, robot: Robot, motion: Motion) -> list[Scalar]:
+    chosen = representative(robot)
+    return customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, forms=chosen.forms)
+
+
+def _columns(regressor: Regressor) -> tuple[Column, ...]:
+    return regressor.extra.columns if regressor.extra else ()
+
+
+def _joint_effort(graph: Graph, n: int, column: Column, rates: str, accelerations: str) -> dict[int, Scalar]:
+    """Effort of a friction or motor column, per unit of its parameter: {joint: expression}."""
+
+    def symbols(prefix: str) -> list[Expression]:
+        return [graph.symbol(f"{prefix}{j + 1}") for j in range(n)]
+
+    j, rho = column.index, column.ratios
+    match column.kind:
+        case "Fv":
+            return {j: symbols(rates)[j]}
+        case "Fs":
+            return {j: graph.symbol(sign_symbol(column, n))}
+        case "off":
+            return {j: graph.constant(1.0)}
+        case "Fsm":
+            return {i: graph.symbol(sign_symbol(column, n)) * r for i, r in enumerate(rho) if r}
+    x = symbols(accelerations if column.kind == "Iam" else rates)
+    effort: dict[int, Scalar] = {}
+    for i, r in enumerate(rho):
+        others: Scalar = graph.constant(0)
+        for k, s in enumerate(rho):
+            if k != i:
+                others = others + x[k] * (r * s)
+        effort[i] = others
+    return effort
+
+
+def sign_symbol(column: Column, n: int) -> str:
+    """Symbol of the sign that a Coulomb column reads: sign1 … of the joints, then of the coupled motors."""
+    return f"sign{column.index + 1 + (n if column.kind == 'Fsm' else 0)}"
+
+
+def _signs(regressor: Regressor) -> dict[str, tuple[float, ...]]:
+    n = regressor.robot.n
+    found = {}
+    for column in _columns(regressor):
+        if column.kind in ("Fs", "Fsm"):
+            own = tuple(float(i == column.index) for i in range(n))
+            found[sign_symbol(column, n)] = column.ratios or own
+    return found
+
+
+def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    torque = _torque(graph, robot, Motion.of(graph, robot))
+    for column in _columns(regressor):
+        parameter = graph.symbol(column.name)
+        for i, effort in _joint_effort(graph, robot.n, column, "dq", "ddq").items():
+            torque[i] = torque[i] + parameter * effort
+    about = "Joint effort [N·m or N] with base parameters, friction and offset."
+    entries = _made(graph, dict(enumerate(torque)))
+    return Function("inverse_dynamics", ("q", "dq", "ddq"), (robot.n,), entries, about, _signs(regressor))
+
+
+def _regressor_entries(graph: Graph, robot: Robot, regressor: Regressor) -> dict[int, Scalar]:
+    column = {standard: at for at, standard in enumerate(regressor.base.kept)}
+    entries = torque_regressor(graph, robot, regressor.base.kept)
+    return {i * regressor.p + column[c]: e for (i, c), e in entries.items()}
+
+
+def _with_columns(graph: Graph, entries: dict[int, Scalar], regressor: Regressor, ddq: str) -> dict[int, Scalar]:
+    for at, column in enumerate(_columns(regressor), len(regressor.base.names)):
+        for i, effort in _joint_effort(graph, regressor.robot.n, column, "dq", ddq).items():
+            entries[i * regressor.p + at] = effort
+    return entries
+
+
+def base_regressor(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    entries = _with_columns(graph, _regressor_entries(graph, robot, regressor), regressor, "ddq")
+    about = "Torque regressor: effort = regressor · parameters."
+    shape = (robot.n, regressor.p)
+    return Function("torque_regressor", ("q", "dq", "ddq"), shape, _made(graph, entries), about, _signs(regressor))
+
+
+def slotine_li(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    entries = _regressor_entries(graph, robot, regressor)
+    polar = bilinear_in_rates(lifted(graph, entries.values()), robot.n)
+    both = _with_columns(graph, dict(zip(entries, polar, strict=True)), regressor, "ddqr")
+    about = "Slotine-Li regressor: A·ddq_ref + C·dq_ref + Q and friction at dq = regressor · parameters, Christoffel C."
+    inputs, shape = ("q", "dq", "dqr", "ddqr"), (robot.n, regressor.p)
+    return Function("slotine_li_regressor", inputs, shape, _made(graph, both), about, _signs(regressor))
+
+
+def energy_functions(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    rows = energy_regressor(graph, robot)
+    entries = {at: rows[c] for at, c in enumerate(regressor.base.kept)}
+    for at, column in enumerate(_columns(regressor), len(entries)):
+        if column.kind == "Iam":
+            effort = _joint_effort(graph, robot.n, column, "dq", "dq")
+            total: Scalar = graph.constant(0)
+            for i, x in effort.items():
+                total = total + 0.5 * graph.symbol(f"dq{i + 1}") * x
+            entries[at] = total
+    about = "Energy regressor: kinetic plus potential energy [J] = regressor · parameters, up to a constant."
+    return Function("energy_regressor", ("q", "dq"), (regressor.p,), _made(graph, entries), about)
+
+
+def inertia_matrix(robot: Robot, regressor: Regressor) -> Function:
+    graph, n = Graph(), robot.n
+    zero = graph.constant(0)
+    entries: dict[int, Scalar] = {}
+    for k in range(n):
+        unit: list[Scalar] = [graph.constant(float(i == k)) for i in range(n)]
+        torque = _torque(graph, robot, Motion([zero] * n, unit, (zero, zero, zero)))
+        for i in range(k + 1):
+            entries[i * n + k] = entries[k * n + i] = torque[i]
+    for column in _columns(regressor):
+        if column.kind == "Iam":
+            for i, r in enumerate(column.ratios):
+                for k, s in enumerate(column.ratios):
+                    if i != k and r * s:
+                        entries[i * n + k] = entries[i * n + k] + graph.symbol(column.name) * (r * s)
+    return Function("inertia_matrix", ("q",), (n, n), _made(graph, entries), "Inertia matrix A(q).")
+
+
+def coriolis(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    torque = _torque(graph, robot, Motion.of(graph, robot, ddq=False, gravity=False))
+    about = "Coriolis and centrifugal effort C(q, dq)·dq."
+    return Function("coriolis", ("q", "dq"), (robot.n,), _made(graph, dict(enumerate(torque))), about)
+
+
+def gravity(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    torque = _torque(graph, robot, Motion.of(graph, robot, dq=False, ddq=False))
+    return Function("gravity", ("q",), (robot.n,), _made(graph, dict(enumerate(torque))), "Gravity effort Q(q).")
+
+
+def _frames(graph: Graph, robot: Robot) -> tuple[dict[int, tuple[Mat, Vec]], Mat, Vec]:
+    """Frames (rotation, origin) in the world of the joints on the way to the last one, and of the tool."""
+    base, tool = np.array(robot.base), np.array(robot.tool)
+    way = [robot.n - 1]
+    while robot.joints[way[-1]].parent >= 0:
+        way.append(robot.joints[way[-1]].parent)
+
+    def constants(m: np.ndarray) -> tuple[Mat, Vec]:
+        rows = tuple(tuple(graph.constant(x) for x in row) for row in m[:3, :3])
+        return rows, tuple(graph.constant(x) for x in m[:3, 3])  # type: ignore[return-value]
+
+    rotation, position = constants(base)
+    frames = {}
+    for j in reversed(way):
+        a, p = joint_transform(graph, robot.joints[j], j, letters=False)
+        rotation, position = matmul(rotation, a), add(position, matvec(rotation, p))
+        frames[j] = (rotation, position)
+    a, p = constants(tool)
+    return frames, matmul(rotation, a), add(position, matvec(rotation, p))
+
+
+def direct_geometry(robot: Robot, regressor: Regressor) -> Function:
+    graph = Graph()
+    _, rotation, position = _frames(graph, robot)
+    entries = {4 * i + k: rotation[i][k] for i in range(3) for k in range(3)}
+    entries |= {4 * i + 3: position[i] for i in range(3)} | {15: graph.constant(1.0)}
+    about = "Homogeneous transform of the tool in the world."
+    return Function("direct_geometry", ("q",), (4, 4), _made(graph, entries), about)
+
+
+def jacobian(robot: Robot, regressor: Regressor) -> Function:
+    graph, n = Graph(), robot.n
+    frames, _, tip = _frames(graph, robot)
+    entries: dict[int, Scalar] = {}
+    for j, (rotation, origin) in frames.items():
+        axis: Vec = tuple(row[2] for row in rotation)  # type: ignore[assignment]
+        lever: Vec = tuple(a - b for a, b in zip(tip, origin, strict=True))  # type: ignore[assignment]
+        linear = cross(axis, lever) if robot.joints[j].revolute else axis
+        for i in range(3):
+            entries[i * n + j] = linear[i]
+            entries[(3 + i) * n + j] = axis[i] if robot.joints[j].revolute else graph.constant(0)
+    about = "Jacobian: velocity of the tool's origin, then angular velocity, in the world's axes."
+    return Function("jacobian", ("q",), (6, n), _made(graph, entries), about)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from identify.errors import InputError
 from identify.robot.robot import Joint, Robot
 from identify.robot.transforms import joint_transform, parameters, placement, to_matrix
 from identify.symbolic.equations import Unknown
-from identify.symbolic.geometry import serial
+from identify.symbolic.geometry import direct_geometry, serial
 from identify.symbolic.numerical_inverse import refine, search
 from identify.symbolic.paul import Plan, Stage, core, plan
 from identify.symbolic.trigonometry import evaluate
@@ -30,6 +31,10 @@ EDGE = 1e-7
 
 SAME = 1e-7
 """Solutions closer than this [rad or m] are one."""
+
+TRIALS = 16
+TRIAL_ERROR = 1e-5
+"""Poses that Paul's method is tried on before it is used, and how well it must find their joint positions [rad, m]."""
 
 BLOCK = 2048
 
@@ -142,13 +147,14 @@ def with_fixed(robot: Robot, fixed: Mapping[int, float]) -> tuple[Robot, list[in
 def _solve(robot: Robot, poses: np.ndarray, current: np.ndarray) -> Solutions:
     """Paul's method where it finds every joint, else the numerical search; spurious solutions dropped."""
     paul = plan(robot)
+    numerical = not reliable(robot)
     inner = core(robot)
     wanted = inner.before @ poses @ inner.after
     parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
     for start in range(0, len(poses), BLOCK):
         block = wanted[start : start + BLOCK]
         now = current[start : start + BLOCK]
-        if paul.missing:
+        if numerical:
             found = [search(inner.robot, pose, q) for pose, q in zip(block, now, strict=True)]
             index = np.repeat(np.arange(len(block)), [len(q) for q in found])
             q = np.concatenate(found) if found else np.empty((0, robot.n))
@@ -160,7 +166,29 @@ def _solve(robot: Robot, poses: np.ndarray, current: np.ndarray) -> Solutions:
         parts.append((index + start, q, residual))
     index, q, residual = (np.concatenate(x) for x in zip(*parts, strict=True)) if parts else _none(robot.n)
     q, inside = _inside(robot, q, current[index])
-    return Solutions(index, q, residual, inside, "numerical" if paul.missing else "Paul")
+    return Solutions(index, q, residual, inside, "numerical" if numerical else "Paul")
+
+
+@lru_cache(maxsize=16)
+def reliable(robot: Robot) -> bool:
+    """Whether Paul's method finds every joint, and finds again the positions behind a few poses it is tried on."""
+    paul = plan(robot)
+    if paul.missing:
+        return False
+    inner = paul.core.robot
+    q = np.random.default_rng(21).uniform(-2.5, 2.5, (TRIALS, robot.n))
+    poses = direct_geometry(inner, q, robot.n - 1)
+    index, found = run(paul, poses, np.zeros_like(q))
+    nearest = np.full(TRIALS, np.inf)
+    np.minimum.at(nearest, index, np.abs(differences(robot, found, q[index])).max(axis=1, initial=0.0))
+    return bool(np.all(nearest < TRIAL_ERROR))
+
+
+def differences(robot: Robot, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(N, n) a − b, angles brought into [−π, π)."""
+    turning = np.array([joint.revolute for joint in robot.joints])
+    apart = a - b
+    return np.where(turning, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
 
 
 def _none(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -173,12 +201,10 @@ def _distinct(
     """Each solution once, ordered by pose."""
     order = np.argsort(index, kind="stable")
     index, q, residual = index[order], q[order], residual[order]
-    turning = np.array([joint.revolute for joint in robot.joints])
     keep = np.ones(len(q), dtype=bool)
     counts = np.bincount(index) if len(index) else np.empty(0, dtype=int)
     for shift in range(1, int(counts.max(initial=1))):
-        apart = q[shift:] - q[:-shift]
-        apart = np.where(turning, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
+        apart = differences(robot, q[shift:], q[:-shift])
         same = (index[shift:] == index[:-shift]) & (np.abs(apart).max(axis=1, initial=0.0) < SAME)
         # A solution goes only if an earlier one that stays is the same.
         keep[shift:] &= ~(same & keep[:-shift])

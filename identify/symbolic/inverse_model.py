@@ -9,6 +9,7 @@ from identify.errors import InputError
 from identify.robot.robot import Robot
 from identify.symbolic.equations import Step, Unknown
 from identify.symbolic.geometry import POSE, Angle, letters, trigonometric
+from identify.symbolic.inverse_geometry import reliable
 from identify.symbolic.model import SymbolicModel
 from identify.symbolic.paul import Plan, Stage, plan
 
@@ -232,11 +233,11 @@ def _used(expressions: dict[str, sympy.Expr]) -> dict[str, sympy.Expr]:
 
 def _limits_of_the_method(robot: Robot, found: Plan) -> list[str]:
     notes = []
-    if found.missing:
+    if not reliable(robot):
         joints = ", ".join(f"q{j + 1}" for j in found.missing)
+        why = f"no known type of equation gives {joints}" if joints else "these formulas do not hold on trial"
         notes.append(
-            f"no known type of equation gives {joints}: inverse_geometry searches numerically "
-            "(damped Newton from many starts), and may miss solutions"
+            f"{why}: inverse_geometry searches numerically (damped Newton from many starts), and may miss solutions"
         )
     if robot.n < 6:
         listed = "; ".join(f"{_compact(found, e.polynomial)} = 0" for e in found.conditions)

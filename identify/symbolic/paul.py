@@ -35,6 +35,9 @@ from identify.symbolic.trigonometry import Algebra, algebra, evaluate, probes
 
 ENTRIES = ("s", "n", "a", "P")
 
+TERMS = 120
+"""Longest entry of ⁰T_n that is worth the method: chains without special angles have none that is short."""
+
 
 @dataclass(frozen=True)
 class Core:
@@ -154,6 +157,8 @@ def plan(robot: Robot) -> Plan:
     space = algebra(inner.robot)
     look = reader(space, probes(inner.robot, space))
     transforms = _transforms(space)
+    if max(len(entry) for row in transforms[0, inner.robot.n] for entry in row) > TERMS:
+        return Plan(inner, space, (), tuple(range(inner.robot.n)), ())
     classic = _distinct(_equations(space, transforms, extended=False))
     further: list[Equation] | None = None
     known = Knowledge()

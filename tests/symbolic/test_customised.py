@@ -16,17 +16,11 @@ from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.customised import Form, Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, evaluate
-from identify.symbolic.operations import count
+from identify.symbolic.operation_table import is_chapters_robot, operations, symmetric_absent, table
+from identify.symbolic.operations import Operations
 from identify.symbolic.representative import customised_model, representative, standard_from_second_moments
 
 FORMS = [Form(*flags) for flags in itertools.product((True, False), repeat=3)]
-SYMMETRIC = {"MXR2", "MY2", "MYR3", "MYR5"}
-"""Beside the diagonal inertias and Ia, what the chapter's symmetric links keep."""
-
-
-def symmetric_absent(robot: Robot) -> set[str]:
-    names = base_parameters(robot).names
-    return {name for name in names if not (name.startswith(("XX", "YY", "ZZ", "Ia")) or name in SYMMETRIC)}
 
 
 def values(torque: list[Expression], robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, more: dict) -> list:
@@ -69,13 +63,30 @@ def test_base_parameters_and_wrench_against_pinocchio(robot: Robot) -> None:
 
 def test_operations_of_the_rx90() -> None:
     """Below the chapter's 253 × and 238 +, and 160 × and 113 + with symmetric links; a change for the worse fails."""
-    robot = load_robot("rx90")
-    general = count(customised_model(robot, wrench=True, letters=True).torque)
-    symmetric = count(customised_model(robot, wrench=True, letters=True, absent=symmetric_absent(robot)).torque)
-    assert (general.multiplications, general.additions) <= (227, 205)
-    assert general.additions <= 205
-    assert symmetric.multiplications <= 137
-    assert symmetric.additions <= 111
+    rows = {row.model: row for row in operations(load_robot("rx90"))}
+    general, symmetric = rows["inverse dynamics, wrench"], rows["inverse dynamics, wrench, symmetric links"]
+    assert general.chapter == Operations(253, 238, 0)
+    assert symmetric.chapter == Operations(160, 113, 0)
+    assert general.operations.multiplications <= 227
+    assert general.operations.additions <= 205
+    assert symmetric.operations.multiplications <= 137
+    assert symmetric.operations.additions <= 111
+    printed = table(tuple(rows.values())).splitlines()
+    assert len(printed) == 1 + len(rows)
+    assert printed[1].split()[-4:] == [
+        str(general.operations.multiplications),
+        str(general.operations.additions),
+        "253",
+        "238",
+    ]
+
+
+def test_the_chapters_figures_stand_beside_its_robot_alone() -> None:
+    assert is_chapters_robot(load_robot("rx90"))
+    other = random_chain(np.random.default_rng(0), 3)
+    assert not is_chapters_robot(other)
+    assert not is_chapters_robot(load_robot("tx40"))
+    assert all(row.chapter is None for row in operations(other))
 
 
 def test_symmetric_links_are_the_general_model_with_zeros() -> None:

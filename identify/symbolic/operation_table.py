@@ -1,0 +1,110 @@
+"""What every model of a robot costs, beside the chapter's figures."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from math import pi
+
+from identify.robot.robot import Robot
+from identify.symbolic.base_parameters import base_parameters
+from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.energy import energy_regressor
+from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.newton_euler import torque_regressor
+from identify.symbolic.operations import Operations, count, lifted
+from identify.symbolic.polarisation import bilinear_in_rates
+from identify.symbolic.representative import customised_model, representative
+from identify.symbolic.simplification import simplified
+
+SYMMETRIC_MOMENTS = ("MXR2", "MY2", "MYR3", "MYR5")
+"""First moments that the chapter's RX-90 with symmetric links keeps, beside diagonal and actuator inertias."""
+
+CHAPTER = {"general": Operations(253, 238, 0), "symmetric": Operations(160, 113, 0)}
+"""Inverse dynamics of the RX-90 with its 40 base parameters, and with symmetric links (section 2.5)."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A model, what it costs, and what the chapter's program needed for it, where it says so."""
+
+    model: str
+    operations: Operations
+    chapter: Operations | None = None
+
+
+def operations(robot: Robot) -> tuple[Row, ...]:
+    """Operations of the robot's models: base parameters, no friction; lengths and parameters are constants.
+
+    Inverse dynamics is counted with a wrench on the last link, as in the chapter; the symmetric-link row is there for
+    the chapter's robot alone.
+    """
+    kept = base_parameters(robot).kept
+    known = is_chapters_robot(robot)
+    rows = [Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None)]
+    if known:
+        symmetric = _customised(robot, wrench=True, absent=symmetric_absent(robot))
+        rows.append(Row("inverse dynamics, wrench, symmetric links", symmetric, CHAPTER["symmetric"]))
+    graph = Graph()
+    torque = lifted(graph, torque_regressor(graph, robot, kept).values())
+    energy = energy_regressor(graph, robot)
+    return (
+        *rows,
+        Row("inverse dynamics", _customised(robot)),
+        Row("Coriolis and centrifugal effort", _customised(robot, ddq=False, gravity=False)),
+        Row("gravity effort", _customised(robot, dq=False, ddq=False)),
+        Row("inertia matrix", _count(inertia_matrix(graph, robot))),
+        Row("torque regressor", _count(torque)),
+        Row("Slotine-Li regressor", _count(bilinear_in_rates(torque, robot.n))),
+        Row("energy regressor", _count(lifted(graph, (energy[c] for c in kept)))),
+    )
+
+
+def table(rows: Sequence[Row]) -> str:
+    """The rows as text, one a line under a heading."""
+    width = max(len(row.model) for row in rows)
+    lines = [f"{'model':{width}}  {'×':>5} {'+':>5}   {'chapter: ×':>10} {'+':>5}"]
+    for row in rows:
+        line = f"{row.model:{width}}  {row.operations.multiplications:5d} {row.operations.additions:5d}"
+        if row.chapter:
+            line += f"   {row.chapter.multiplications:10d} {row.chapter.additions:5d}"
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def inertia_matrix(graph: Graph, robot: Robot) -> list[Expression]:
+    """The upper triangle of A(q), column by column: A_ik is the effort at i for unit acceleration of k at rest."""
+    zero, chosen = graph.constant(0), representative(robot)
+    entries: list[Scalar] = []
+    for k in range(robot.n):
+        unit: list[Scalar] = [graph.constant(float(i == k)) for i in range(robot.n)]
+        motion = Motion([zero] * robot.n, unit, (zero, zero, zero))
+        torque = customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, True, chosen.forms)
+        entries += torque[: k + 1]
+    return lifted(graph, entries)
+
+
+def is_chapters_robot(robot: Robot) -> bool:
+    """Whether the arm has the RX-90's geometry: table 2.1, whatever the lengths."""
+    turns = (0.0, pi / 2, 0.0, -pi / 2, pi / 2, -pi / 2)
+    lengths = tuple((j.d != 0, j.r != 0, j.b != 0 or j.gamma != 0) for j in robot.joints)
+    none = (False, False, False)
+    return (
+        lengths == (none, none, (True, False, False), (False, True, False), none, none)
+        and all(j.revolute and abs(j.alpha - a) < 1e-9 for j, a in zip(robot.joints, turns, strict=True))
+        and robot.gravity[:2] == (0.0, 0.0)
+    )
+
+
+def symmetric_absent(robot: Robot) -> set[str]:
+    """Base parameters that are zero for the chapter's symmetric links."""
+    names = base_parameters(robot).names
+    return {name for name in names if not name.startswith(("XX", "YY", "ZZ", "Ia")) and name not in SYMMETRIC_MOMENTS}
+
+
+def _count(outputs: list[Expression]) -> Operations:
+    return count(simplified(outputs))
+
+
+def _customised(robot: Robot, wrench: bool = False, absent: Collection[str] = (), **parts: bool) -> Operations:
+    return count(customised_model(robot, wrench, True, absent, **parts).torque)

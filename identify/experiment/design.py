@@ -81,12 +81,13 @@ class Design:
                 (none, -sine * pulsation, cosine * pulsation),
             )
         )
+        self.scales = (limits.half[:, None], limits.velocity[:, None], limits.acceleration[:, None])
 
     def _set_effort(self) -> None:
         """Parameters of the effort but for Coulomb friction, and limits (n,) less the most that this can add."""
         terms = self.torque.terms
         self.smooth = self.regressor.parameters.copy()
-        coulomb = np.abs(terms.arms) @ np.abs(self.smooth[terms.coulomb_at])
+        coulomb = np.abs(self.smooth[terms.coulomb_at]) @ np.abs(terms.arms)
         self.smooth[terms.coulomb_at] = 0.0
         self.room = np.maximum(self.limits.effort - coulomb / (1 - MARGIN), 0.05 * self.limits.effort)
 
@@ -97,17 +98,17 @@ class Design:
             random_trajectory(self.robot, 1000 + k, fundamental_hz=hz, harmonics=order) for k in range(REFERENCES)
         )
         motions = [one_period(trajectory, self.samples) for trajectory in random]
-        weighted = (self.torque.matrix(motion) * self.torque.weight[:, None] for motion in motions)
-        torque = np.concatenate(list(weighted)).reshape(-1, self.regressor.p)
-        energy = np.concatenate([self.energy.rows(motion) for motion in motions])
-        self.torque_scale, self.energy_scale = (_column_scale(rows, REFERENCES) for rows in (torque, energy))
+        weight, p = self.torque.weight[:, None], self.regressor.p
+        torque = np.concatenate([(self.torque.columns(m) * weight).reshape(p, -1) for m in motions], axis=1)
+        energy = np.concatenate([self.energy.columns(m) for m in motions], axis=1)
+        self.torque_scale, self.energy_scale = (_column_scale(columns, REFERENCES) for columns in (torque, energy))
         self.reference = reference_factor(torque)
 
     def signals(self, x: np.ndarray) -> Motion:
-        """q, q̇, q̈ on the grid, each (N, n)."""
+        """q, q̇, q̈ on the grid, each (n, N)."""
         columns = x.reshape(*self.shape, 1)
-        q, dq, ddq = ((basis @ columns)[:, :, 0].T for basis in self.basis)
-        return q + self.limits.middle, dq, ddq
+        q, dq, ddq = ((basis @ columns)[:, :, 0] for basis in self.basis)
+        return q + self.limits.middle[:, None], dq, ddq
 
     def trajectory(
         self, x: np.ndarray, periods: int = 1, rest: float = 0.0, seed: int = 0, note: str = ""
@@ -124,57 +125,57 @@ class Design:
         """A random motion about the middle of the ranges, scaled joint by joint to `fill` of the first limit met."""
         rows = generator.standard_normal(self.shape)
         rows[:, 0] = 0.0
-        limits, (q, dq, ddq) = self.limits, self.signals(rows.ravel())
-        shares = ((q - limits.middle) / limits.half, dq / limits.velocity, ddq / limits.acceleration)
-        return (rows * (fill / np.abs(shares).max(axis=(0, 1)))[:, None]).ravel()
+        q, dq, ddq = self.signals(rows.ravel())
+        motion = (q - self.limits.middle[:, None], dq, ddq)
+        peaks = [np.abs(signal / scale).max(axis=1) for signal, scale in zip(motion, self.scales, strict=True)]
+        return (rows * (fill / np.max(peaks, axis=0))[:, None]).ravel()
 
     def value(self, motion: Motion) -> float:
         """The criterion of a motion on the grid, in log variance a parameter: the smaller the better."""
-        return self._worth(motion, self.torque.matrix(motion))[0]
+        return self._worth(motion, self.torque.columns(motion))[0]
 
     def condition(self, x: np.ndarray) -> str:
         """Column-scaled condition numbers of the criterion's models, in words."""
         motion, words = self.signals(x), []
         if self.criterion != "energy":
-            rows = self.torque.matrix(motion).reshape(-1, self.torque.p)
-            words.append(f"torque cond {scaled_condition(rows)[0]:.3g}")
+            columns = self.torque.columns(motion).reshape(self.regressor.p, -1)
+            words.append(f"torque cond {scaled_condition(columns)[0]:.3g}")
         if self.criterion != "torque":
-            rows = self.energy.matrix(motion)[0]
-            words.append(f"energy cond {scaled_condition(rows)[0]:.3g}")
+            columns = self.energy.unweighted(motion)[0]
+            words.append(f"energy cond {scaled_condition(columns)[0]:.3g}")
         return ", ".join(words)
 
     def excess(self, x: np.ndarray) -> np.ndarray:
-        """(N, 4 n) how far position, velocity, acceleration and effort of each joint are beyond the limits less
+        """(4 n, N) how far position, velocity, acceleration and effort of each joint are beyond the limits less
         MARGIN, as shares of the limits; negative inside."""
         motion = self.signals(x)
-        return np.abs(self._shares(motion, self.torque.matrix(motion))) - (1 - MARGIN)
+        return np.abs(self._shares(motion, self.torque.columns(motion))) - (1 - MARGIN)
 
     def lagrangian(
         self, x: np.ndarray, weight: float, multipliers: np.ndarray | float = 0.0
     ) -> tuple[float, np.ndarray]:
         """Augmented Lagrangian (Rockafellar 1973) of criterion and limits, and its gradient.
 
-        weight of the squared excesses, multipliers (N, 4 n) of the excesses; both count as means over the samples.
+        weight of the squared excesses, multipliers (4 n, N) of the excesses; both count as means over the samples.
         """
         motion = self.signals(x)
-        matrix = self.torque.matrix(motion)
-        value, to_matrix, to_motion = self._worth(motion, matrix)
-        shares = self._shares(motion, matrix)
+        columns = self.torque.columns(motion)
+        value, to_columns, to_motion = self._worth(motion, columns)
+        shares = self._shares(motion, columns)
         force = np.maximum(0.0, multipliers + weight * (np.abs(shares) - (1 - MARGIN)))
         value += np.sum(force**2 - np.square(multipliers)) / (2 * weight * self.samples)
-        to_shares = force * np.sign(shares) / self.samples
-        by_q, by_dq, by_ddq, by_effort = np.split(to_shares, 4, axis=1)
-        to_matrix += (by_effort / self.room)[:, :, None] * self.smooth
-        direct = (by_q / self.limits.half, by_dq / self.limits.velocity, by_ddq / self.limits.acceleration)
-        total = np.zeros(self.shape)
-        for basis, *parts in zip(self.basis, self.torque.pull_back(motion, to_matrix), to_motion, direct, strict=True):
-            total += np.einsum("jkc,kj->jc", basis, sum(parts))
+        *direct, by_effort = np.split(force * np.sign(shares) / self.samples, 4)
+        to_columns += self.smooth[:, None, None] * (by_effort / self.room[:, None])
+        pulled = self.torque.pull_back(motion, to_columns)
+        total = np.zeros((*self.shape, 1))
+        for basis, one, other, third, scale in zip(self.basis, pulled, to_motion, direct, self.scales, strict=True):
+            total += basis.transpose(0, 2, 1) @ (one + other + third / scale)[:, :, None]
         return value, total.ravel()
 
     def use(self, trajectory: Trajectory) -> tuple[dict[str, float], str]:
         """Worst share of the robot's own limits of each kind over a period, 0 where there is none; and the largest
         one's joint and kind."""
-        q, dq, ddq = one_period(trajectory, FINER * self.samples)
+        q, dq, ddq = (signal.T for signal in one_period(trajectory, FINER * self.samples))
         effort = self.regressor.inverse_dynamics(q, dq, ddq, self.regressor.parameters)
         own = [joint.limits for joint in self.robot.joints]
         middle, half = self.limits.middle, self.limits.half
@@ -211,38 +212,39 @@ class Design:
         best = smaller(low)
         return best if best[1] <= ALLOWED else found
 
-    def _shares(self, motion: Motion, matrix: np.ndarray) -> np.ndarray:
-        """(N, 4 n) position, velocity, acceleration and effort, each as a signed share of its limit."""
+    def _shares(self, motion: Motion, columns: np.ndarray) -> np.ndarray:
+        """(4 n, N) position, velocity, acceleration and effort, each as a signed share of its limit."""
         q, dq, ddq = motion
-        limits = self.limits
-        effort = (matrix @ self.smooth) / self.room
-        parts = ((q - limits.middle) / limits.half, dq / limits.velocity, ddq / limits.acceleration, effort)
-        return np.concatenate(parts, axis=1)
+        effort = np.tensordot(self.smooth, columns, 1)
+        signals = (q - self.limits.middle[:, None], dq, ddq, effort)
+        scales = (*self.scales, self.room[:, None])
+        return np.concatenate([signal / scale for signal, scale in zip(signals, scales, strict=True)])
 
-    def _worth(self, motion: Motion, matrix: np.ndarray) -> tuple[float, np.ndarray, Motion]:
-        """The criterion, and its derivatives with respect to the torque model's matrix and, by way of the energy
+    def _worth(self, motion: Motion, columns: np.ndarray) -> tuple[float, np.ndarray, Motion]:
+        """The criterion, and its derivatives with respect to the torque model's columns and, by way of the energy
         model, to the motion."""
-        value, to_matrix = 0.0, np.zeros_like(matrix)
+        value, to_columns = 0.0, np.zeros_like(columns)
         to_motion: Motion = (np.zeros_like(motion[0]),) * 3
         share = 0.5 if self.criterion == "both" else 1.0
         if self.criterion != "energy":
-            scale = self.torque.weight[:, None] * self.torque_scale / np.sqrt(self.samples)
-            rows = (matrix * scale).reshape(-1, self.torque.p)
+            scale = np.outer(self.torque_scale / np.sqrt(self.samples), self.torque.weight)[:, :, None]
+            rows = (columns * scale).reshape(len(columns), -1)
             worth, to_rows = log_variance(rows, self.reference * self.torque_scale)
             value += share * worth
-            to_matrix = to_rows.reshape(matrix.shape) * (share * scale)
+            to_columns = to_rows.reshape(columns.shape) * (share * scale)
         if self.criterion != "torque":
-            scale = self.energy_scale / np.sqrt(self.samples // self.every)
-            worth, to_rows = log_variance(self.energy.rows(motion) * scale, self.reference * self.energy_scale)
+            scale = (self.energy_scale / np.sqrt(self.samples // self.every))[:, None]
+            worth, to_rows = log_variance(self.energy.columns(motion) * scale, self.reference * self.energy_scale)
             value += share * worth
             to_motion = self.energy.pull_back(motion, share * to_rows * scale)
-        return float(value), to_matrix, to_motion
+        return float(value), to_columns, to_motion
 
 
 def one_period(trajectory: Trajectory, samples: int) -> Motion:
-    """q, q̇, q̈, each (samples, n), at even steps from the first rest's end, the period's end left out."""
+    """q, q̇, q̈, each (n, samples), at even steps from the first rest's end, the period's end left out."""
     t = trajectory.rest + np.arange(samples) / samples * trajectory.period
-    return trajectory.sample(t)
+    q, dq, ddq = (np.ascontiguousarray(signal.T) for signal in trajectory.sample(t))
+    return q, dq, ddq
 
 
 def _grid(duration: float, harmonics: int, p: int) -> tuple[int, int]:
@@ -257,7 +259,7 @@ def _null_space(row: np.ndarray) -> np.ndarray:
     return np.linalg.qr(np.column_stack([row, np.eye(len(row))[:, 1:]]))[0][:, 1:]
 
 
-def _column_scale(rows: np.ndarray, motions: int) -> np.ndarray:
-    """(p,) factors that bring each column's norm over one of several motions to 1 on average."""
-    norm = np.sqrt(np.sum(rows**2, axis=0) / motions)
+def _column_scale(columns: np.ndarray, motions: int) -> np.ndarray:
+    """(p,) factors that bring the norm of each column (p, K) over one of several motions to 1 on average."""
+    norm = np.sqrt(np.sum(columns**2, axis=1) / motions)
     return 1 / np.where(norm > 0, norm, 1.0)

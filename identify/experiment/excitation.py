@@ -37,7 +37,7 @@ class Assessment:
     norm, rows not weighted, exact sign of Coulomb friction, windows of `window` seconds. criterion, value: what
     `excite` minimises. use: worst share of each kind of limit, 0 where there is none; effort is what the robot's
     description asks for. tightest: joint and kind of the largest share. unexcited: columns that this motion can't
-    tell apart; the condition numbers are then of the combinations it does tell something about.
+    tell apart in the criterion's models; the condition number is then infinite.
     """
 
     criterion: str
@@ -134,13 +134,14 @@ def assess(robot: Robot, trajectory: Trajectory, criterion: str = "both") -> Ass
 
 def _assessment(design: Design, trajectory: Trajectory) -> Assessment:
     regressor, samples, every = design.regressor, FINER * design.samples, FINER * design.every
-    q, dq, ddq = one_period(trajectory, samples)
+    q, dq, ddq = (signal.T for signal in one_period(trajectory, samples))
     power, energy = regressor.power(dq), regressor.energy(q[::every], dq[::every])
     work = (power + np.roll(power, -1, axis=0)).reshape(-1, every, regressor.p).sum(axis=1)
     rows = np.roll(energy, -1, axis=0) - energy + work / 2 * (trajectory.period / samples)
-    energy_condition, energy_lost = scaled_condition(rows)
+    energy_condition, energy_lost = scaled_condition(rows.T)
     torque_rows = regressor.torque(q[::4], dq[::4], ddq[::4]).reshape(-1, regressor.p)
-    torque_condition, torque_lost = scaled_condition(torque_rows)
+    torque_condition, torque_lost = scaled_condition(torque_rows.T)
+    lost = {"torque": torque_lost, "energy": energy_lost, "both": torque_lost | energy_lost}[design.criterion]
     use, tightest = design.use(trajectory)
     return Assessment(
         criterion=design.criterion,
@@ -150,7 +151,7 @@ def _assessment(design: Design, trajectory: Trajectory) -> Assessment:
         window=every * trajectory.period / samples,
         use=use,
         tightest=tightest,
-        unexcited=tuple(np.array(regressor.names)[torque_lost | energy_lost].tolist()),
+        unexcited=tuple(np.array(regressor.names)[lost].tolist()),
     )
 
 

@@ -30,53 +30,54 @@ instead of making the criterion infinite."""
 STILL = 1e-2
 """Noise of a window that stands still, as a share of the noise of one with every joint at its velocity limit."""
 
-DISTINCT = 1e-12
+DISTINCT = 1e-10
 """Smallest singular value of column-scaled rows, as a share of the largest, that counts as information."""
 
 Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""q, q̇, q̈, or the derivatives of a number with respect to them, each (N, n)."""
+"""q, q̇, q̈, or the derivatives of a number with respect to them, each (n, N): samples along memory."""
 
 
-def log_variance(rows: np.ndarray, reference: np.ndarray) -> tuple[float, np.ndarray]:
-    """What the estimate from `rows` (K, p) is worth, the smaller the better, and its derivative (K, p).
+def log_variance(columns: np.ndarray, reference: np.ndarray) -> tuple[float, np.ndarray]:
+    """What the estimate from an observation matrix A is worth, the smaller the better, and its derivative (p, K).
 
-    −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters (D-optimal), which no scaling
-    of the columns changes but for a constant, plus the log of the mean variance of what they predict on the
-    reference rows R (V-optimal; Atkinson & Donev 1992).
+    columns (p, K): A transposed. −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters
+    (D-optimal), which no scaling of the columns changes but for a constant, plus the log of the mean variance of
+    what they predict on the reference rows R (V-optimal; Atkinson & Donev 1992).
     """
-    p = rows.shape[1]
-    root = inv(qr(np.vstack([rows, RIDGE * np.eye(p)]), mode="r"))
+    p = len(columns)
+    root = inv(qr(np.concatenate([columns, RIDGE * np.eye(p)], axis=1).T, mode="r"))
     predicted = reference @ root
     total = float(np.sum(predicted**2))
     # AᵀA = (root·rootᵀ)⁻¹
     value = 2.0 * np.sum(np.log(np.abs(np.diag(root)))) / p + np.log(total / p)
     inner = np.eye(p) / p + predicted.T @ predicted / total
-    return float(value), -2.0 * rows @ (root @ inner @ root.T)
+    return float(value), (-2.0 * root @ inner @ root.T) @ columns
 
 
-def reference_factor(rows: np.ndarray) -> np.ndarray:
-    """(p, p) triangular R with RᵀR the mean of rᵀr over the rows (K, p), to stand for them in `log_variance`."""
-    return qr(rows, mode="r") / np.sqrt(len(rows))
+def reference_factor(columns: np.ndarray) -> np.ndarray:
+    """(p, p) triangular R with RᵀR the mean of rᵀr over the rows r of a matrix, transposed (p, K), to stand for them
+    in `log_variance`."""
+    return qr(columns.T, mode="r") / np.sqrt(columns.shape[1])
 
 
-def scaled_condition(rows: np.ndarray) -> tuple[float, np.ndarray]:
-    """Condition number of rows (K, p) with each column divided by its norm, and which columns (p,) take part in
-    combinations that the rows say nothing about; the number is of what is left without these."""
-    factor = qr(rows, mode="r")
+def scaled_condition(columns: np.ndarray) -> tuple[float, np.ndarray]:
+    """Condition number of a matrix, transposed (p, K), with each column divided by its norm; infinite where columns
+    can't be told apart, and which ones these are (p,)."""
+    factor = qr(columns.T, mode="r")
     norm = np.linalg.norm(factor, axis=0)
     _, size, directions = np.linalg.svd(factor / np.where(norm > 0, norm, 1.0))
-    told = size > DISTINCT * size[0]
-    lost = np.abs(directions[len(size) :]).max(axis=0, initial=0.0) > 1e-6
-    lost |= np.abs(directions[: len(size)][~told]).max(axis=0, initial=0.0) > 1e-6
-    return float(size[0] / size[told][-1]), lost
+    told = np.zeros(len(columns), dtype=bool)
+    told[: len(size)] = size > DISTINCT * size[0]
+    lost = np.abs(directions[~told]).max(axis=0, initial=0.0) > 1e-6
+    return (float("inf") if lost.any() else float(size[0] / size[-1])), lost
 
 
 @dataclass(frozen=True, eq=False)
 class JointTerms:
     """Friction, offset and motor columns as matrices, so that their derivatives are one line each.
 
-    A column is q̇·S (viscous) or q̈·S (inertia) with a symmetric S, arms·sign(arms·q̇) (Coulomb), or 1 on one
-    joint (offset). *_at (c,): where the columns stand among all; viscous, inertia (n, n, c); arms, offset (n, c);
+    A column is S·q̇ (viscous) or S·q̈ (inertia) with a symmetric S, arms·sign(arms·q̇) (Coulomb), or 1 on one
+    joint (offset). *_at (c,): where the columns stand among all; viscous, inertia (c, n, n); arms, offset (c, n);
     width (c,): speed over which each Coulomb column's sign turns.
     """
 
@@ -102,21 +103,21 @@ class JointTerms:
             found[column.kind][at] = rho if column.kind in ("Fs", "Fsm", "off") else square
 
         def stacked(kinds: dict[int, np.ndarray], *shape: int) -> tuple[list[int], np.ndarray]:
-            return list(kinds), np.moveaxis(np.array(list(kinds.values())).reshape(-1, *shape), 0, -1)
+            return list(kinds), np.array(list(kinds.values())).reshape(-1, *shape)
 
         viscous, inertia = stacked(found["Fv"] | found["Fvm"], n, n), stacked(found["Iam"], n, n)
         coulomb, offset = stacked(found["Fs"] | found["Fsm"], n), stacked(found["off"], n)
-        return JointTerms(*viscous, *inertia, *coulomb, width @ np.abs(coulomb[1]), *offset)
+        return JointTerms(*viscous, *inertia, *coulomb, np.abs(coulomb[1]) @ width, *offset)
 
     def signs(self, dq: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Speeds, their smooth signs and the slopes of these, each (N, c), of the Coulomb columns."""
-        speed = dq @ self.arms
-        sign = np.tanh(speed / self.width)
-        return speed, sign, (1 - sign**2) / self.width
+        """Speeds, their smooth signs and the slopes of these, each (c, N), of the Coulomb columns."""
+        speed, width = self.arms @ dq, self.width[:, None]
+        sign = np.tanh(speed / width)
+        return speed, sign, (1 - sign**2) / width
 
 
 class TorqueModel:
-    """The torque regressor along N samples: entries, and what a sum over entries is worth to the motion.
+    """The torque regressor along N samples, transposed, and what a sum over its entries is worth to the motion.
 
     weight (n,): what each joint's rows should count, 1/σ with σ proportional to its effort limit.
     """
@@ -131,27 +132,25 @@ class TorqueModel:
         entries = {(i, column[c]): e for (i, c), e in torque_regressor(graph, robot, kept).items()}
         self._entries = _Entries(graph, entries, robot.n, ("q", "dq", "ddq"), samples)
 
-    def matrix(self, motion: Motion) -> np.ndarray:
-        """Y (N, n, p) with smooth signs."""
+    def columns(self, motion: Motion) -> np.ndarray:
+        """(p, n, N) with smooth signs."""
         _, dq, ddq = motion
-        samples, n = dq.shape
-        terms, y = self.terms, np.zeros((samples, n, self.p))
-        y[:, self._entries.row, self._entries.column] = self._entries.values(motion).T
-        y[:, :, terms.viscous_at] = np.tensordot(dq, terms.viscous, 1)
-        y[:, :, terms.inertia_at] = np.tensordot(ddq, terms.inertia, 1)
-        y[:, :, terms.coulomb_at] = terms.signs(dq)[1][:, None, :] * terms.arms
-        y[:, :, terms.offset_at] = terms.offset
+        terms, y = self.terms, np.zeros((self.p, *dq.shape))
+        y[self._entries.column, self._entries.row] = self._entries.values(motion)
+        y[terms.viscous_at] = terms.viscous @ dq
+        y[terms.inertia_at] = terms.inertia @ ddq
+        y[terms.coulomb_at] = terms.arms[:, :, None] * terms.signs(dq)[1][:, None, :]
+        y[terms.offset_at] = terms.offset[:, :, None]
         return y
 
     def pull_back(self, motion: Motion, adjoint: np.ndarray) -> Motion:
-        """Derivatives of Σ adjoint·Y, adjoint (N, n, p), with respect to the motion."""
+        """Derivatives of Σ adjoint·columns, adjoint (p, n, N), with respect to the motion."""
         dq, terms = motion[1], self.terms
-        entries = adjoint[:, self._entries.row, self._entries.column].T
-        to_q, to_dq, to_ddq = self._entries.pull_back(motion, entries)
-        to_dq += np.tensordot(adjoint[:, :, terms.viscous_at], terms.viscous, ((1, 2), (1, 2)))
-        to_ddq += np.tensordot(adjoint[:, :, terms.inertia_at], terms.inertia, ((1, 2), (1, 2)))
-        to_sign = np.einsum("kjc,jc->kc", adjoint[:, :, terms.coulomb_at], terms.arms)
-        to_dq += (to_sign * terms.signs(dq)[2]) @ terms.arms.T
+        to_q, to_dq, to_ddq = self._entries.pull_back(motion, adjoint[self._entries.column, self._entries.row])
+        to_dq += np.sum(terms.viscous @ adjoint[terms.viscous_at], axis=0)
+        to_ddq += np.sum(terms.inertia @ adjoint[terms.inertia_at], axis=0)
+        to_sign = np.sum(terms.arms[:, :, None] * adjoint[terms.coulomb_at], axis=1)
+        to_dq += terms.arms.T @ (to_sign * terms.signs(dq)[2])
         return to_q, to_dq, to_ddq
 
 
@@ -170,62 +169,62 @@ class EnergyModel:
         robot, kept = regressor.robot, regressor.base.kept
         self.p, self.every, self.step = regressor.p, every, step
         self.terms = JointTerms.of(regressor, width)
-        self.noise = noise_scale(regressor) ** 2
-        self.loudest = float(self.noise @ velocity**2) * every * step
+        noise = noise_scale(regressor) ** 2
+        self.noise = noise / (noise @ velocity**2 * every * step)
         graph = Graph()
         functions = energy_regressor(graph, robot)
         entries = {(0, at): functions[c] for at, c in enumerate(kept)}
         self._entries = _Entries(graph, entries, robot.n, ("q", "dq"), samples)
 
-    def rows(self, motion: Motion) -> np.ndarray:
-        """(N/every, p) weighted rows."""
-        rows, variance = self.matrix(motion)
-        return rows / np.sqrt(variance)[:, None]
+    def columns(self, motion: Motion) -> np.ndarray:
+        """(p, K) weighted."""
+        rows, variance = self.unweighted(motion)
+        return rows / np.sqrt(variance)
 
-    def matrix(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-        """Rows before weighting, (K, p), and their variances as shares of the loudest possible one's, (K,)."""
+    def unweighted(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """Columns before weighting, (p, K), and the rows' variances as shares of the loudest possible one's, (K,)."""
         q, dq, _ = motion
         terms = self.terms
-        stored, power = np.zeros((2, len(dq), self.p))
-        stored[:, self._entries.column] = self._entries.values((q, dq)).T
-        stored[:, terms.inertia_at] = 0.5 * np.einsum("ki,kic->kc", dq, np.tensordot(dq, terms.inertia, 1))
-        power[:, terms.viscous_at] = np.einsum("ki,kic->kc", dq, np.tensordot(dq, terms.viscous, 1))
+        stored, power = np.zeros((2, self.p, dq.shape[1]))
+        stored[self._entries.column] = self._entries.values((q, dq))
+        stored[terms.inertia_at] = 0.5 * np.sum(dq * (terms.inertia @ dq), axis=1)
+        power[terms.viscous_at] = np.sum(dq * (terms.viscous @ dq), axis=1)
         speed, sign, _ = terms.signs(dq)
-        power[:, terms.coulomb_at] = speed * sign
-        power[:, terms.offset_at] = dq @ terms.offset
-        edges = stored[:: self.every]
-        rows = np.roll(edges, -1, axis=0) - edges + self._work(power)
-        return rows, STILL + self._work(dq**2) @ self.noise / self.loudest
+        power[terms.coulomb_at] = speed * sign
+        power[terms.offset_at] = terms.offset @ dq
+        edges = stored[:, :: self.every]
+        columns = np.roll(edges, -1, axis=1) - edges + self._work(power)
+        return columns, STILL + self.noise @ self._work(dq**2)
 
     def pull_back(self, motion: Motion, adjoint: np.ndarray) -> Motion:
-        """Derivatives of Σ adjoint·rows, adjoint (K, p), with respect to the motion; with respect to q̈ they are 0."""
+        """Derivatives of Σ adjoint·columns, adjoint (p, K), with respect to the motion; to q̈ they are 0."""
         q, dq, _ = motion
         terms = self.terms
-        rows, variance = self.matrix(motion)
-        to_rows = adjoint / np.sqrt(variance)[:, None]
-        to_variance = -0.5 * np.sum(to_rows * rows, axis=1) / variance
-        to_stored = np.zeros((len(dq), self.p))
-        to_stored[:: self.every] = np.roll(to_rows, 1, axis=0) - to_rows
-        to_power = self._spread(to_rows)
-        to_q, to_dq = self._entries.pull_back((q, dq), to_stored[:, self._entries.column].T)
-        to_dq += np.einsum("kc,kic->ki", to_stored[:, terms.inertia_at], np.tensordot(dq, terms.inertia, 1))
-        to_dq += 2 * np.einsum("kc,kic->ki", to_power[:, terms.viscous_at], np.tensordot(dq, terms.viscous, 1))
+        columns, variance = self.unweighted(motion)
+        to_columns = adjoint / np.sqrt(variance)
+        to_variance = -0.5 * np.sum(to_columns * columns, axis=0) / variance
+        to_stored = np.zeros((self.p, dq.shape[1]))
+        to_stored[:, :: self.every] = np.roll(to_columns, 1, axis=1) - to_columns
+        to_power = self._spread(to_columns)
+        to_q, to_dq = self._entries.pull_back((q, dq), to_stored[self._entries.column])
+        to_dq += np.sum(to_stored[terms.inertia_at, None] * (terms.inertia @ dq), axis=0)
+        to_dq += 2 * np.sum(to_power[terms.viscous_at, None] * (terms.viscous @ dq), axis=0)
         speed, sign, slope = terms.signs(dq)
-        to_dq += (to_power[:, terms.coulomb_at] * (sign + speed * slope)) @ terms.arms.T
-        to_dq += to_power[:, terms.offset_at] @ terms.offset.T
-        to_dq += 2 * dq * self._spread(to_variance[:, None] * self.noise / self.loudest)
+        to_dq += terms.arms.T @ (to_power[terms.coulomb_at] * (sign + speed * slope))
+        to_dq += terms.offset.T @ to_power[terms.offset_at]
+        to_dq += 2 * dq * self._spread(self.noise[:, None] * to_variance)
         return to_q, to_dq, np.zeros_like(dq)
 
     def _work(self, power: np.ndarray) -> np.ndarray:
-        """(K, c) integrals of power (N, c) over the windows, by the trapezoidal rule."""
-        windows = power.reshape(-1, self.every, power.shape[1])
-        first = windows[:, 0]
-        return (windows.sum(axis=1) + 0.5 * (np.roll(first, -1, axis=0) - first)) * self.step
+        """(c, K) integrals of power (c, N) over the windows, by the trapezoidal rule."""
+        windows = power.reshape(len(power), -1, self.every)
+        first = windows[:, :, 0]
+        return (windows.sum(axis=2) + 0.5 * (np.roll(first, -1, axis=1) - first)) * self.step
 
     def _spread(self, to_work: np.ndarray) -> np.ndarray:
-        """The transpose of `_work`: (N, c) from (K, c)."""
-        spread = np.repeat(to_work, self.every, axis=0)
-        spread[:: self.every] = 0.5 * (to_work + np.roll(to_work, 1, axis=0))
+        """The transpose of `_work`: (c, N) from (c, K)."""
+        spread = np.repeat(to_work, self.every, axis=1)
+        spread[:, :: self.every] = 0.5 * (to_work + np.roll(to_work, 1, axis=1))
         return spread * self.step
 
 
@@ -254,12 +253,12 @@ class _Entries:
     def values(self, motion: Sequence[np.ndarray]) -> np.ndarray:
         """(entries, N), in a buffer that the next call uses again."""
         inputs = self._inputs[: len(self._derivative)]
-        np.concatenate([signal.T for signal in motion], out=inputs)
+        np.concatenate(motion, out=inputs)
         self._forward(inputs, self._values, self._work[0])
         return self._values
 
     def pull_back(self, motion: Sequence[np.ndarray], weights: np.ndarray) -> list[np.ndarray]:
-        """Derivatives (N, n) of Σ weights·entries, weights (entries, N), with respect to each signal."""
-        np.concatenate([*(signal.T for signal in motion), weights], out=self._inputs)
+        """Derivatives (n, N) of Σ weights·entries, weights (entries, N), with respect to each signal."""
+        np.concatenate([*motion, weights], out=self._inputs)
         self._reverse(self._inputs, self._derivative, self._work[1])
-        return [self._derivative[at : at + self.n].T.copy() for at in range(0, len(self._derivative), self.n)]
+        return [self._derivative[at : at + self.n].copy() for at in range(0, len(self._derivative), self.n)]

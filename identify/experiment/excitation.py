@@ -86,6 +86,7 @@ def excite(
 
     InputError for arguments out of range, and where no motion within the limits was found.
     """
+    import scipy.optimize  # noqa: F401  before the limit on threads, which reaches only what is loaded by then
     from threadpoolctl import threadpool_limits
 
     if criterion not in CRITERIA:

@@ -153,6 +153,7 @@ class Determinant:
     singularities: tuple[Singularity, ...]
 
 
+@lru_cache(maxsize=16)
 def determinant(robot: Robot) -> Determinant:
     """Determinant, factored, and singular configurations of the robot's Jacobian, in joint variables."""
     import sympy

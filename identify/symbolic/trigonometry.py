@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
@@ -136,6 +137,7 @@ class Algebra:
         ]  # fmt: skip
 
 
+@lru_cache(maxsize=16)
 def algebra(robot: Robot) -> Algebra:
     """The ring for a serial robot."""
     import sympy

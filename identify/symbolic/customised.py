@@ -103,11 +103,13 @@ class Turn:
 class Form:
     """How one link is written. `shared_squares`: ω2² from U33 and ω1². `doubled_rate`: U31 and U32 through 2ω3, where
     ω̇ is not needed. `unturned`: the moment of the second moments in axes that do not turn with the joint, which
-    pays where the link before hardly turns (the closed form of links on parallel axes behind a fixed one)."""
+    pays where the link before hardly turns (the closed form of links on parallel axes behind a fixed one), and for the
+    last link. `unturned_first`: the first moments and the mass likewise, for a link seen from the one before it."""
 
     shared_squares: bool = True
     doubled_rate: bool = False
     unturned: bool = False
+    unturned_first: bool = False
 
 
 @dataclass(frozen=True)
@@ -141,7 +143,7 @@ def customised_torque(
     turns: list[tuple[Turn, Turn]] = []
     states: list[Motions] = []
     unturned: list[Motions] = []
-    accelerations: list[Vec] = []
+    accelerations: list[tuple[Vec, Vec]] = []
     rest = Motions(null, null, (null, null, null), null, zero)
     pull: Vec = tuple(-x for x in motion.gravity)  # type: ignore[assignment]
     for j, joint in enumerate(robot.joints):
@@ -158,7 +160,7 @@ def customised_torque(
         level = matvec(transpose(sight.fixed), far.omega)
         aslant = matvec(transpose(sight.fixed), third)
         unturned.append(_matrix((level[0], level[1], rate), spin, aslant, forms[j]))
-        a = accelerations[joint.parent] if joint.parent >= 0 else pull
+        a = accelerations[joint.parent][0] if joint.parent >= 0 else pull
         accelerations.append(_acceleration(parent, a, states[j], step, lengths.of(j), joint, motion, j))
     force, moment = [null] * n, [null] * n
     force[-1], moment[-1] = motion.force, motion.moment
@@ -166,22 +168,27 @@ def customised_torque(
     for j in reversed(range(n)):
         joint, k = robot.joints[j], parameters[11 * j : 11 * j + 11]
         step, sight = turns[j]
-        u, a = states[j].u, accelerations[j]
-        own: Vec = tuple(  # type: ignore[assignment]
-            u[i][0] * k[MX] + u[i][1] * k[MY] + u[i][2] * k[MZ] + a[i] * k[M] for i in range(3)
-        )
-        f, m = add(force[j], own), add(moment[j], cross(tuple(k[MX : MZ + 1]), a))  # type: ignore[arg-type]
+        f, m = force[j], moment[j]
+        # What is computed in axes that do not turn with the joint: its moment across the axis waits for the way back.
+        f_level, m_level = null, null
         if forms[j].unturned:
-            inertial = _unturned_moment(unturned[j], k, sight.cosine, sight.sine)
-            m = add(m, (zero, zero, inertial[2]))
-            aside: Vec = (inertial[0], inertial[1], zero)
+            m_level = _unturned_moment(unturned[j], k, sight.cosine, sight.sine)
         else:
-            m, aside = add(m, _inertial_moment(states[j], k)), null
+            m = add(m, _inertial_moment(states[j], k))
+        if forms[j].unturned_first and joint.revolute and sight is step:
+            first = step.about_axis(tuple(k[MX : MZ + 1]))  # type: ignore[arg-type]
+            f_level, m_first = _first_wrench(unturned[j].u, accelerations[j][1], first, k[M])
+            m_level = add(m_level, m_first)
+        else:
+            own, m_first = _first_wrench(states[j].u, accelerations[j][0], tuple(k[MX : MZ + 1]), k[M])  # type: ignore[arg-type]
+            f, m = add(f, own), add(m, m_first)
+        m = add(m, (zero, zero, m_level[2]))
+        f = add(f, (zero, zero, f_level[2]))
         torque[j] = (m if joint.revolute else f)[2] + k[IA] * motion.ddq[j]
         if joint.parent < 0:
             continue
         d, r, b = lengths.of(j)
-        f = step.about_axis(f)
+        f = add(step.about_axis(f), (f_level[0], f_level[1], zero))
         lever = matvec(step.fixed, (-(r * f[1]), r * f[0] - d * f[2], d * f[1]))
         f = matvec(step.fixed, f)
         along = matvec(step.fixed, (zero, zero, m[2]))
@@ -189,23 +196,34 @@ def customised_torque(
         force[joint.parent] = add(force[joint.parent], f)
         if sight.seen_from >= 0:
             # Across parallel axes the moment goes straight to the link before the first of them.
-            across = add(sight.about_axis((m[0], m[1], zero)), aside)
+            across = add(sight.about_axis((m[0], m[1], zero)), (m_level[0], m_level[1], zero))
             moment[sight.seen_from] = add(moment[sight.seen_from], matvec(sight.fixed, across))
     return torque
 
 
+def _first_wrench(u: Mat, a: Vec, first: Vec, mass: Scalar) -> tuple[Vec, Vec]:
+    """Force U·MS + M·V̇ and moment MS×V̇ of the first moments and the mass."""
+    force: Vec = tuple(  # type: ignore[assignment]
+        u[i][0] * first[0] + u[i][1] * first[1] + u[i][2] * first[2] + a[i] * mass for i in range(3)
+    )
+    return force, cross(first, a)
+
+
 def _acceleration(
     parent: Motions, a: Vec, own: Motions, step: Turn, lengths: Vec, joint: Joint, motion: Motion, j: int
-) -> Vec:
-    """Acceleration of O_j less gravity in R_j: the parent's, and U times the offset of the frames."""
+) -> tuple[Vec, Vec]:
+    """Acceleration of O_j less gravity: the parent's, and U times the offset of the frames; in R_j, and in axes that do
+    not turn with the joint."""
     d, r, b = lengths
     offset = matvec(parent.u, tuple(row[0] for row in step.fixed))  # type: ignore[arg-type]
     pull = add(a, tuple(d * x for x in offset), tuple(b * row[2] for row in parent.u))  # type: ignore[arg-type]
+    axis = matvec(parent.u, tuple(row[2] for row in step.fixed))  # type: ignore[arg-type]
+    level = matvec(transpose(step.fixed), add(pull, tuple(r * x for x in axis)))  # type: ignore[arg-type]
     acceleration = add(step.inwards(pull), tuple(r * row[2] for row in own.u))  # type: ignore[arg-type]
     if joint.revolute:
-        return acceleration
+        return acceleration, level
     twice = 2 * motion.dq[j]
-    return add(acceleration, (twice * own.omega[1], -(twice * own.omega[0]), motion.ddq[j]))
+    return add(acceleration, (twice * own.omega[1], -(twice * own.omega[0]), motion.ddq[j])), level
 
 
 @dataclass(frozen=True)

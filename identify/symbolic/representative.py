@@ -29,6 +29,9 @@ SMALL = 1e-9
 
 WORST_CONDITION = 1e6
 
+CHANGES = (("unturned",), ("unturned_first",), ("unturned", "unturned_first"), ("shared_squares",), ("doubled_rate",))
+"""Options of a link's form that are tried together; the two unturned ones pay most in company."""
+
 
 @dataclass(frozen=True)
 class CustomisedModel:
@@ -159,18 +162,19 @@ def _price(robot: Robot, live: Sequence[int], forms: Sequence[Form], shared: boo
 
 
 def _best_forms(robot: Robot, live: Sequence[int], forms: list[Form], shared: bool) -> list[Form]:
-    """Forms after single changes, as long as one saves operations."""
+    """Forms after changes of one link that save operations: until none does, or in one round where simplifying the
+    whole model for every trial makes them dear."""
     best = _price(robot, live, forms, shared)
     changed = True
     while changed:
         changed = False
         for j in range(robot.n):
-            for option in ("unturned", "shared_squares", "doubled_rate"):
+            for options in CHANGES:
                 trial = list(forms)
-                trial[j] = replace(trial[j], **{option: not getattr(trial[j], option)})
+                trial[j] = replace(trial[j], **{option: not getattr(trial[j], option) for option in options})
                 price = _price(robot, live, trial, shared)
                 if price < best:
-                    best, forms, changed = price, trial, True
+                    best, forms, changed = price, trial, not shared
     return forms
 
 

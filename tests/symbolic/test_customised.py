@@ -20,7 +20,7 @@ from identify.symbolic.operation_table import is_chapters_robot, operations, sym
 from identify.symbolic.operations import Operations
 from identify.symbolic.representative import customised_model, representative, standard_from_second_moments
 
-FORMS = [Form(*flags) for flags in itertools.product((True, False), repeat=3)]
+FORMS = [Form(*flags) for flags in itertools.product((True, False), repeat=4)]
 
 
 def values(torque: list[Expression], robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, more: dict) -> list:
@@ -67,8 +67,8 @@ def test_operations_of_the_rx90() -> None:
     general, symmetric = rows["inverse dynamics, wrench"], rows["inverse dynamics, wrench, symmetric links"]
     assert general.chapter == Operations(253, 238, 0)
     assert symmetric.chapter == Operations(160, 113, 0)
-    assert general.operations.multiplications <= 227
-    assert general.operations.additions <= 205
+    assert general.operations.multiplications <= 224
+    assert general.operations.additions <= 207
     assert symmetric.operations.multiplications <= 137
     assert symmetric.operations.additions <= 111
     printed = table(tuple(rows.values())).splitlines()

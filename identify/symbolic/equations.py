@@ -177,6 +177,8 @@ EXACT, FIXED, MOVING = 0, 1, 2
 """What an elimination divides by: nothing that moves and it keeps lengths; a constant; something that may vanish."""
 
 SECOND_DEGREE = 5
+LONG = 60
+"""Terms before squaring beyond which an elimination gives formulas that nobody wants to compute."""
 
 
 def single(look: Reader, equations: Sequence[Equation], known: Knowledge) -> Iterator[tuple[Rank, Step]]:
@@ -300,7 +302,7 @@ def _without_angle(look: Reader, p: Any, q: Any, keep: Unknown, drop: Unknown) -
         own_pair = () if isinstance(keep, int) else (space.angles[keep],)
         squares = space.reduce(f1**2 + f2**2 - norm, own_pair)
         yield number, EXACT if look.is_constant(norm) else MOVING, squares
-    else:
+    elif max(len(b2) * len(f1) + len(b1) * len(f2), len(a1) * len(f2) + len(a2) * len(f1)) <= LONG:
         quality = FIXED if look.is_constant(det) else MOVING
         yield number, quality, space.reduce((b2 * f1 - b1 * f2) ** 2 + (a1 * f2 - a2 * f1) ** 2 - det**2)
 

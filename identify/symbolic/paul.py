@@ -38,6 +38,9 @@ ENTRIES = ("s", "n", "a", "P")
 TERMS = 120
 """Longest entry of ⁰T_n that is worth the method: chains without special angles have none that is short."""
 
+LONGEST = 80
+"""Terms of an equation that is looked at; those of arms with right angles have up to about thirty."""
+
 
 @dataclass(frozen=True)
 class Core:
@@ -138,7 +141,7 @@ def _equations(space: Algebra, transforms: Transforms, extended: bool) -> Iterat
             for column, name in enumerate(ENTRIES):
                 for row, axis in enumerate("xyz"):
                     difference = space.reduce(both[row][column] - transforms[i, k][row][column])
-                    if difference:
+                    if difference and len(difference) <= LONGEST:
                         yield Equation(difference, f"{sides}, entry {name}{axis}")
 
 

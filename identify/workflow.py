@@ -81,6 +81,7 @@ def fit(
     model: "torque" or "energy"; both are fitted, this one is the result. estimator: see estimation.fitting.ESTIMATORS.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
+    import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
     from threadpoolctl import threadpool_limits
 
     from identify.estimation.fitting import check_choice

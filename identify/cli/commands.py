@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from identify.cli import models
 from identify.cli.places import check_file, check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import UnsupportedLogError
@@ -242,6 +243,8 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "predict": predict,
     "check": check,
     "report": report,
+    "model": models.model,
+    "codegen": models.codegen,
 }
 
 

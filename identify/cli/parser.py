@@ -10,6 +10,8 @@ from identify import __version__
 
 ESTIMATORS = ("ols", "wls")
 NOISES = ("none", "standard", "high")
+WHAT = ("base-parameters", "direct-geometry", "inverse-geometry", "jacobian", "operations")
+FORMATS = ("text", "latex", "python", "c", "json")
 
 _ROBOT = "built-in name (rx90, tx40), or a .toml or .urdf file"
 _LOG = "MCAP file with sensor_msgs/msg/JointState, or with --map a table"
@@ -50,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"identify {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
-    for add in (_demo, _excite, _simulate, _import, _inspect, _fit, _predict, _check, _report):
+    for add in (_demo, _excite, _simulate, _import, _inspect, _fit, _predict, _check, _report, _model, _codegen):
         add(commands)
     return parser
 
@@ -217,6 +219,42 @@ def _report(commands: Any) -> None:
         "identify report result",
     )
     command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+
+
+def _model(commands: Any) -> None:
+    command = _command(
+        commands,
+        "model",
+        "print a symbolic model of a robot",
+        "WHAT is base-parameters, direct-geometry (pose of the tool in the world), inverse-geometry (by Paul's\n"
+        "method), jacobian (with its determinant and singular configurations) or operations (what each model\n"
+        "costs). Lengths stay letters where the robot file names them.",
+        "identify model rx90 --what inverse-geometry --format python",
+    )
+    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
+    command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
+
+
+def _codegen(commands: Any) -> None:
+    command = _command(
+        commands,
+        "codegen",
+        "write a robot's models as C or Python that a controller can carry",
+        "One C99 file and header without allocation or any dependency but math.h, or one Python file that needs\n"
+        "NumPy alone: inverse dynamics, base and Slotine-Li regressors, energy functions, inertia matrix, Coriolis\n"
+        "and gravity effort, direct geometry and Jacobian. Each file carries a self-test (C: -DSELF_TEST).",
+        "identify codegen rx90 --parameters result -o controller",
+    )
+    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _output(command, "DIR", "folder to write the files to")
+    command.add_argument("--language", choices=("c", "python"), default="c", help="language (default: %(default)s)")
+    command.add_argument(
+        "--parameters",
+        metavar="DIR",
+        type=_path,
+        help="result folder whose parameters go in (default: the robot file's)",
+    )
 
 
 def _output(command: argparse.ArgumentParser, metavar: str, text: str, default: str | None = None) -> None:

@@ -1,0 +1,85 @@
+"""Commands that show models and hand them to a controller: model, codegen."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from identify.errors import InputError, OutputError
+
+if TYPE_CHECKING:
+    from identify.symbolic.operations import Operations
+
+
+def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Print a symbolic model of a robot."""
+    from identify.robot.library import load_robot
+
+    robot = load_robot(options.robot)
+    if options.what == "operations":
+        from identify.symbolic.operation_table import operations
+
+        rows = operations(robot)
+        if options.format == "json":
+            table = [
+                {"model": r.model, **_counts(r.operations), "chapter": _counts(r.chapter) if r.chapter else None}
+                for r in rows
+            ]
+            print(json.dumps({"robot": robot.name, "operations": table}, ensure_ascii=False))
+            return 0
+        if options.format != "text":
+            raise InputError(f"--format {options.format}: operations are a table; choose text or json")
+        print(f"{robot.name}: operations a call (base parameters, no friction)")
+        print(f"{'model':<46}{'×':>7}{'+':>7}   chapter")
+        for row in rows:
+            cost, beside = row.operations, str(row.chapter or "")
+            print(f"{row.model:<46}{cost.multiplications:>7}{cost.additions:>7}   {beside}".rstrip())
+        return 0
+    from identify.symbolic.models import symbolic_model
+    from identify.symbolic.rendering import render
+
+    print(render(symbolic_model(robot, options.what), options.format), end="")
+    return 0
+
+
+def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Write a robot's models as C or Python that a controller can carry."""
+    from identify.codegen.generate import generate
+    from identify.logs.files import replacing
+    from identify.robot.library import load_robot
+
+    robot = load_robot(options.robot)
+    parameters = None
+    if options.parameters is not None:
+        from identify.estimation.identification import Identification
+        from identify.regressor.regressor import Regressor
+
+        result = Identification.load(options.parameters)
+        if result.names != Regressor(robot).names:
+            raise InputError(
+                f"{options.parameters}: its parameters are those of {result.robot.name}, not of {robot.name}"
+            )
+        parameters = result.parameters
+    files = generate(robot, options.language, parameters)
+    folder = Path(options.output)
+    there = [name for name in files if (folder / name).exists()]
+    if there and not options.force:
+        raise OutputError(f"{folder / there[0]}: exists; choose another folder, or replace it with --force")
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"{folder}: is a file; give the name of a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{folder}: can't be made: {error.strerror or error}") from error
+    for name, text in files.items():
+        with replacing(folder / name) as stream:
+            stream.write(text.encode())
+        print(folder / name)
+    return 0
+
+
+def _counts(operations: Operations) -> dict[str, int]:
+    return {"multiplications": operations.multiplications, "additions": operations.additions}

@@ -31,7 +31,7 @@ ALL = "all"
 ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
 
 SETTINGS_S = 120.0
-"""Settings are chosen on at most this much of each log [s]; the fit itself takes all of it."""
+"""Settings are chosen on at most this much of each log [s], where it moves most; the fit itself takes all of it."""
 
 Progress = Callable[[float, str], None] | None
 
@@ -70,7 +70,7 @@ def fit_models(
 ) -> Fit:
     """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs."""
     reasons: dict[str, str] = {}
-    sample = [log if log.duration <= SETTINGS_S else window(log, None, SETTINGS_S) for log in logs]
+    sample = [liveliest(log, SETTINGS_S) for log in logs]
     settings, tried = choose_settings(regressor, sample, progress=progress)
     torque = energy = None
     try:
@@ -89,6 +89,17 @@ def fit_models(
             raise
         reasons["energy"] = str(error)
     return Fit(torque, energy, reasons, tried)
+
+
+def liveliest(log: Log, seconds: float) -> Log:
+    """The part of at most `seconds` in which the joints go the longest way, each in shares of its range."""
+    if log.duration <= seconds:
+        return log
+    span = np.maximum(np.ptp(log.position, axis=0), 1e-12)
+    way = np.concatenate([[0.0], np.cumsum((np.abs(np.diff(log.position, axis=0)) / span).sum(axis=1))])
+    starts = log.time[log.time <= log.time[-1] - seconds]
+    first = int(np.argmax(np.interp(starts + seconds, log.time, way) - way[: len(starts)]))
+    return window(log, starts[first], starts[first] + seconds)
 
 
 def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, estimator: str) -> ModelFit:

@@ -14,6 +14,7 @@ from identify.estimation.fitting import Fit, ModelFit
 from identify.estimation.identification import FORMAT, FRICTION
 from identify.estimation.scoring import explained
 from identify.logs.log import Log
+from identify.logs.triage import inspect
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Limits, Robot
 from identify.symbolic.formula import formula
@@ -27,7 +28,7 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
     """What is known before anything is fitted: robot, logs, versions."""
     from identify.robot.library import robot_digest
 
-    logs = [log_entry(log, role) for role, group in (("train", train), ("test", test)) for log in group]
+    logs = [log_entry(log, role, robot) for role, group in (("train", train), ("test", test)) for log in group]
     return {
         "format": FORMAT,
         "robot": {
@@ -57,7 +58,8 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
     }
 
 
-def log_entry(log: Log, role: str) -> dict[str, Any]:
+def log_entry(log: Log, role: str, robot: Robot) -> dict[str, Any]:
+    """One log, with what reading and triage found wrong with it."""
     row = {
         "path": log.source,
         "role": role,
@@ -67,7 +69,7 @@ def log_entry(log: Log, role: str) -> dict[str, Any]:
         "duration_s": log.duration,
         "simulated": log.simulated,
         "noise": log.metadata.get("noise"),
-        "findings": list(log.findings),
+        "findings": list(inspect(log, {joint.name: joint.limits for joint in robot.joints}).findings),
     }
     return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 

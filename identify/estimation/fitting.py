@@ -16,7 +16,7 @@ from identify.estimation.energy import (
     stacked_energy,
 )
 from identify.estimation.least_squares import Estimate, ordinary_least_squares, weighted_least_squares
-from identify.estimation.observation import stacked, torque_observation
+from identify.estimation.observation import Observation, stacked, torque_observation
 from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
@@ -29,6 +29,9 @@ DEFAULT_ESTIMATOR = "wls"
 ALL = "all"
 """Asks for every estimator side by side; the default one gives the result."""
 ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
+
+CHANCE = 1e-3
+"""Probability under pure noise above which a fit is taken to explain nothing."""
 
 SETTINGS_S = 120.0
 """Settings are chosen on at most this much of each log [s], where it moves most; the fit itself takes all of it."""
@@ -106,7 +109,30 @@ def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, es
     """The torque model with given settings."""
     observation = stacked([torque_observation(regressor, log, settings) for log in logs])
     solve = {"ols": ordinary_least_squares, "wls": weighted_least_squares}[estimator]
-    return ModelFit("torque", solve(observation), settings, ESTIMATORS[estimator])
+    estimate = solve(observation)
+    require_explained(observation, estimate)
+    return ModelFit("torque", estimate, settings, ESTIMATORS[estimator])
+
+
+def require_explained(observation: Observation, estimate: Estimate) -> None:
+    """UnsupportedLogError where the motion explains no more of the effort than as many random columns would.
+
+    F-test of the whole regression, each joint's rows in units of its residual's standard deviation, on effective
+    samples: the effort is not that of these joints, or noise alone, where chance would do as well once in a thousand.
+    """
+    from scipy.special import fdtrc
+
+    residuals = [b - a @ estimate.parameters for a, b in zip(observation.matrix, observation.effort, strict=True)]
+    sigma = np.maximum(estimate.sigma, 1e-300)
+    left = sum(r @ r / s**2 for r, s in zip(residuals, sigma, strict=True))
+    total = sum(b @ b / s**2 for b, s in zip(observation.effort, sigma, strict=True))
+    p = len(estimate.parameters)
+    free = max(estimate.effective_samples - p, 1.0)
+    if left > 0 and fdtrc(p, free, (total - left) / p / (left / free)) > CHANCE:
+        raise UnsupportedLogError(
+            "the motion does not explain the effort better than chance would: "
+            "is it the effort of these joints, in their order, at the same time as the positions?"
+        )
 
 
 def fit_energy(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> tuple[ModelFit, list[dict[str, Any]]]:

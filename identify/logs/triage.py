@@ -23,6 +23,8 @@ LEAST_MOTION = 1.0
 LEAST_SAMPLES = 200
 SPEED_SPAN = 0.05
 """Speeds are mean speeds over this time [s], so that encoder steps and noise do not count as motion."""
+LIMIT_TOLERANCE = 0.01
+"""Share of a limit by which noise and rounding may pass it without a word."""
 GAP = 5.0
 """A step of more than so many median steps is a gap in the recording."""
 UNEVEN = 1.5
@@ -250,15 +252,16 @@ def _of_joints(log: Log, facts: tuple[JointFacts, ...]) -> list[str]:
 def _of_limits(fact: JointFacts, limits: Limits) -> list[str]:
     sentences = []
     low, high = limits.position
-    if fact.position_min < low or fact.position_max > high:
+    room = LIMIT_TOLERANCE * (high - low) if math.isfinite(high - low) else 0.0
+    if fact.position_min < low - room or fact.position_max > high + room:
         sentences.append(
             f"{fact.joint} goes from {fact.position_min:.3f} to {fact.position_max:.3f}, beyond its limits {low:g} and "
             f"{high:g}: are units, offset or sign right?"
         )
-    if fact.max_speed > limits.velocity:
+    if fact.max_speed > (1 + LIMIT_TOLERANCE) * limits.velocity:
         sentences.append(f"{fact.joint} reaches a speed of {fact.max_speed:.3f}, beyond its limit {limits.velocity:g}")
     largest = max(abs(fact.effort_min or 0.0), abs(fact.effort_max or 0.0))
-    if largest > limits.effort:
+    if largest > (1 + LIMIT_TOLERANCE) * limits.effort:
         sentences.append(f"{fact.joint} shows an effort of {largest:.3f}, beyond its limit {limits.effort:g}")
     return sentences
 

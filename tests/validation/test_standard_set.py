@@ -62,7 +62,7 @@ def test_possible_base_vectors_get_possible_links(number: int) -> None:
     base = matrix @ robot.standard
     standard = consistent_standard(unknown(robot), base)
     assert standard is not None
-    np.testing.assert_allclose(matrix @ standard, base, rtol=0, atol=1e-9 * np.abs(base).max())
+    np.testing.assert_allclose(matrix @ standard, base, rtol=0, atol=1e-12 * np.abs(base).max())
     for link in standard.reshape(-1, WIDTH):
         assert np.linalg.eigvalsh(pseudo_inertia(link))[0] > 0
         assert link[10] >= 0

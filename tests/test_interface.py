@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy
-from exact_logs import arm, exact_log, fitted, motion
+from exact_logs import arm, exact_log, fitted
 
 import identify
 
@@ -76,8 +76,9 @@ def test_regressor() -> None:
 
 def test_trajectory_log_and_result(tmp_path: Path) -> None:
     robot = arm(1)
-    trajectory = motion(robot)
-    q, dq, ddq = trajectory.sample(np.linspace(0, 11, 50))
+    trajectory = identify.excite(robot, criterion="torque", seed=0)
+    assert isinstance(trajectory, identify.Trajectory)
+    q, dq, ddq = trajectory.sample(np.linspace(0, trajectory.duration, 50))
     assert q.shape == dq.shape == ddq.shape == (50, 3)
     trajectory.save(tmp_path / "trajectory.toml")
     trajectory = identify.Trajectory.load(tmp_path / "trajectory.toml")

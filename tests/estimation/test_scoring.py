@@ -43,9 +43,10 @@ def prediction(log: Log, seed: int = 0) -> np.ndarray:
 def variants() -> list[tuple[str, Log]]:
     plain = exact_log(ARM)
     jitter = np.random.default_rng(1).uniform(-1, 1, plain.samples) / 250
+    noise = 2e-4 * np.random.default_rng(2).standard_normal(plain.position.shape)
     speed = np.gradient(plain.position, plain.time, axis=0) + 0.004 * np.sin(plain.time * 400)[:, None]
     return [
-        ("no velocity", plain),
+        ("no velocity", replace(plain, position=plain.position + noise)),
         ("velocity", replace(plain, velocity=speed)),
         ("hardly uneven", replace(plain, time=plain.time + 0.009 * jitter)),
         ("uneven", replace(plain, time=plain.time + 0.3 * jitter)),

@@ -117,17 +117,20 @@ def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, es
 def require_explained(observation: Observation, estimate: Estimate) -> None:
     """UnsupportedLogError where the motion explains no more of the effort than as many random columns would.
 
-    F-test of the whole regression, each joint's rows in units of its residual's standard deviation, on effective
-    samples: the effort is not that of these joints, or noise alone, where chance would do as well once in a thousand.
+    F-test of the regression against one constant a joint, each joint's rows in units of its residual's standard
+    deviation, on effective samples: where chance would do as well once in a thousand, the effort is not that of these
+    joints, or noise alone.
     """
     from scipy.special import fdtrc
 
     residuals = [b - a @ estimate.parameters for a, b in zip(observation.matrix, observation.effort, strict=True)]
     sigma = np.maximum(estimate.sigma, 1e-300)
     left = sum(r @ r / s**2 for r, s in zip(residuals, sigma, strict=True))
-    total = sum(b @ b / s**2 for b, s in zip(observation.effort, sigma, strict=True))
-    p = len(estimate.parameters)
-    free = max(estimate.effective_samples - p, 1.0)
+    total = 0.0
+    for b, counted, s in zip(observation.effort, observation.weight.T, sigma, strict=True):
+        total += (b @ b - (counted @ b) ** 2 / max(counted @ counted, 1e-300)) / s**2
+    free = max(estimate.effective_samples - len(estimate.parameters), 1.0)
+    p = len(estimate.parameters) - len(sigma)
     if left > 0 and fdtrc(p, free, (total - left) / p / (left / free)) > CHANCE:
         raise UnsupportedLogError(
             "the motion does not explain the effort better than chance would: "

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from identify.logs.triage import REST_SPEED
 from identify.regressor.columns import Sign, smooth_sign
 
-STILL = 0.01
+STILL = REST_SPEED
 """A joint slower than this [rad/s or m/s] counts as at rest."""
 
 

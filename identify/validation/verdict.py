@@ -130,5 +130,11 @@ def _payload(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _engines(record: dict[str, Any]) -> list[tuple[str, float]]:
+    """Largest disagreement of each engine, on the regressor and on the identified model."""
     check = record["cross_check"]
-    return [(name, check[name]["max_abs_error"]) for name in ("pinocchio", "mujoco") if check.get(name)]
+    return [
+        (engine + where, part[engine]["max_abs_error"])
+        for part, where in ((check, ""), (check["identified"], " on the identified model"))
+        for engine in ("pinocchio", "mujoco")
+        if part.get(engine)
+    ]

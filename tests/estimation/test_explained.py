@@ -21,6 +21,8 @@ def test_noise_and_mixed_up_joints_are_no_effort() -> None:
     noise = np.random.default_rng(0).normal(size=log.position.shape)
     with pytest.raises(UnsupportedLogError, match="better than chance"):
         workflow.fit(replace(log, effort=noise), robot)
+    with pytest.raises(UnsupportedLogError, match="better than chance"):
+        workflow.fit(replace(log, effort=noise + 50.0), robot)
     assert workflow.fit(log, robot).record["fit"]["moving_relative_residual_percent"] < 1
 
 

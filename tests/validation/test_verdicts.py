@@ -61,6 +61,11 @@ def test_an_engine_that_differs_is_named(record: dict[str, Any], engine: str) ->
     assert f"differs from {engine} by 3.0e-07" in found["reasons"][0]
 
 
+def test_an_identified_model_that_an_engine_contradicts_warns(record: dict[str, Any]) -> None:
+    record["cross_check"]["identified"]["pinocchio"] = {"max_abs_error": 4e-6, "samples": 10}
+    assert "pinocchio on the identified model by 4.0e-06" in verdict(record)["reasons"][0]
+
+
 def test_what_was_found_in_a_log_warns(record: dict[str, Any]) -> None:
     record["logs"][1]["findings"] = ["the recording has 1 gap"]
     assert verdict(record)["reasons"] == ["test.mcap: the recording has 1 gap"]

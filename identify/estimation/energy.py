@@ -70,16 +70,14 @@ def energy_least_squares(observation: EnergyObservation, passes: int = 3) -> Est
         residual = y - w @ parameters
         floor = 1e-3 * np.mean(residual**2)
         coefficients, _ = nnls(explain / variance[:, None], residual**2 / variance)
-        variance_next = np.maximum(explain @ coefficients, max(floor, 1e-300))
+        variance = np.maximum(explain @ coefficients, max(floor, 1e-300))
         whitened = residual / root
-        variance = variance_next
     spread = np.sqrt(whitened @ whitened / max(rows - p, 1))
     inflation = rows_per_effective_sample(whitened, observation.rate)
     covariance = inverse * spread**2 * inflation
     return Estimate(
         names=observation.names,
         parameters=parameters,
-        std=np.sqrt(np.diag(covariance)),
         covariance=covariance,
         condition_number=condition,
         sigma=np.array([np.sqrt(np.mean(residual**2))]),

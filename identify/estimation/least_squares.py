@@ -28,13 +28,17 @@ class Estimate:
 
     names: tuple[str, ...]
     parameters: np.ndarray
-    std: np.ndarray
     covariance: np.ndarray
     condition_number: float
     sigma: np.ndarray
     inflation: np.ndarray
     rows: int
     effective_samples: float
+
+    @property
+    def std(self) -> np.ndarray:
+        """(p,) standard deviations of the parameters."""
+        return np.sqrt(np.diag(self.covariance))
 
 
 def ordinary_least_squares(observation: Observation) -> Estimate:
@@ -68,7 +72,6 @@ def _solve(observation: Observation, weights: np.ndarray) -> Estimate:
     return Estimate(
         names=observation.names,
         parameters=parameters,
-        std=np.sqrt(np.diag(covariance)),
         covariance=covariance,
         condition_number=condition,
         sigma=sigma,

@@ -8,7 +8,7 @@ deviations of a 30 s log). The plant therefore integrates viscous friction by th
 Fv·(q̇[k] + q̇[k+1])/2: explicit damping, and Fv·h/2 added to the armature on the left-hand side. Then the
 logged effort is rigid body + Ia·q̈ + Fv·q̇ + Fs·sign(q̇) + offset at the logged positions, but for the
 centrifugal and Coriolis effort C(q,q̇)·q̇, which MuJoCo takes half a step old: up to 0.03 N·m rms on the RX-90,
-four standard deviations of a parameter of a 30 s log. What that is worth along the reference is given back to the
+three standard deviations of a parameter of a 30 s log. What that is worth along the reference is given back to the
 arm as a force of its own, which no drive makes and no log holds.
 """
 

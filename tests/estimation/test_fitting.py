@@ -71,10 +71,8 @@ def test_a_model_without_support_says_why_and_leaves_the_other() -> None:
 
 def test_agreement_is_in_deviations_of_the_difference() -> None:
     def estimate(parameters: list[float], std: list[float]) -> Estimate:
-        size = len(parameters)
-        return Estimate(
-            ("a", "b", "c"), np.array(parameters), np.array(std), np.eye(size), 1.0, np.ones(1), np.ones(1), 9, 9.0
-        )
+        covariance = np.diag(np.square(std))
+        return Estimate(("a", "b", "c"), np.array(parameters), covariance, 1.0, np.ones(1), np.ones(1), 9, 9.0)
 
     found = agreement(estimate([1.0, 2.0, 3.0], [0.3, 0.1, 3.0]), estimate([1.5, 2.0, 18.0], [0.4, 0.1, 4.0]))
     assert found["largest_z"] == pytest.approx(3.0)

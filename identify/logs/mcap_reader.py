@@ -1,14 +1,13 @@
-"""MCAP files with sensor_msgs/msg/JointState, from whatever recorder, as a Log.
+"""MCAP files with joint states, from whatever recorder, as a Log.
 
-Messages of constant length are decoded in bulk; anything else goes through mcap-ros2-support, one by one.
+Messages of constant length are decoded in bulk; anything else one by one.
 """
 
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,19 @@ import numpy as np
 
 from identify.errors import LogError
 from identify.logs import joint_state
+from identify.logs.joint_messages import KNOWN, Kind, kind_of
+from identify.logs.joint_series import Block, Series
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
-from identify.logs.wording import counted, printable
+from identify.logs.slicing import no_such_joint
+from identify.logs.wording import counted, listed, printable
 
 _SECOND = joint_state.NANOSECONDS
 _LAYOUTS_PER_RUN = 8
 _LAYOUTS_KEPT = 64
+_SERIES_KEPT = 256
+_UNPACKED = 4
+_DAMAGES_TOLD = 8
 
 
 @dataclass(frozen=True)
@@ -39,238 +44,339 @@ class Recording:
     topics: dict[str, str]
 
 
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Joint states with the same names: places (k,) in file order, stamps and log times (k,) [ns], values (k, n)."""
+@dataclass(eq=False)
+class _Gathered:
+    """What has been read so far. series: (topic, names) → its joint states; unreadable, untold: messages."""
 
-    joints: tuple[str, ...]
-    places: np.ndarray
-    stamp: np.ndarray
-    log_time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray | None
-    effort: np.ndarray | None
+    wanted: frozenset[str]
+    topic: str | None
+    order: tuple[str, ...]
+    skip: tuple[str, ...]
+    series: dict[tuple[str, frozenset[str]], Series] = field(default_factory=dict)
+    topics: dict[str, str] = field(default_factory=dict)
+    kinds: dict[str, bool] = field(default_factory=dict)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    damages: list[tuple[Path, Any]] = field(default_factory=list)
+    unreadable: int = 0
+    untold: int = 0
+    total_bytes: int = 1
+    read_bytes: int = 0
+    done_bytes: int = 0
 
 
-def read_mcap(path: str | os.PathLike[str], topic: str | None = None, joints: Sequence[str] | None = None) -> Recording:
-    """Read the joint states of an MCAP file, and what is attached to it.
+def read_mcap(
+    path: str | os.PathLike[str],
+    topic: str | None = None,
+    joints: Sequence[str] | None = None,
+    skip: Sequence[str] = (),
+) -> Recording:
+    """Read the joint states of an MCAP file, and what is attached to it. See read_files."""
+    return read_files([Path(path)], Path(path), topic, joints, skip)
 
-    topic: which one to read; by default /joint_states, else the one with the most messages. joints: names
-    wanted, which decides between several publishers on one topic. A cut or damaged file gives every complete
-    chunk, and a finding that counts what was lost. Time counts from the first message, by the header stamps,
-    or by log time where they do not run. Raises LogError where the file holds no joint states.
+
+def read_files(
+    paths: Sequence[Path],
+    source: Path,
+    topic: str | None = None,
+    joints: Sequence[str] | None = None,
+    skip: Sequence[str] = (),
+) -> Recording:
+    """Read the joint states of MCAP files that continue one another, `source` by name.
+
+    topic: which one to read. joints: names wanted, the log's joints then, in this order; by default all that a
+    publisher names. Of several publishers one that has the joints is taken: rather joint states than a controller's,
+    rather /joint_states than another topic, then the one with the most messages. skip: channels (velocity,
+    effort) that are not wanted. A cut or damaged file gives every complete chunk, and a finding that counts what
+    was lost. Time counts from the first message, by the header stamps, or by log time where they do not run.
+    Raises LogError where there are no joint states, or not those wanted.
     """
+    for path in paths:
+        _refuse_other(path)
+    found = _Gathered(frozenset(joints or ()), topic, tuple(joints or ()), tuple(skip))
+    found.total_bytes = sum(path.stat().st_size for path in paths)
+    for path in paths:
+        _gather(path, found)
+        found.done_bytes += path.stat().st_size
+    findings: list[str] = []
+    if found.unreadable:
+        findings.append(f"{counted(found.unreadable, 'joint state message')} could not be decoded and not used")
+    chosen = _choose(source, found, findings)
+    log = _assemble(chosen, findings)
+    told = _describe(found.damages, log, chosen.first_log_time, several=len(paths) > 1)
+    provenance = {**found.metadata.get(PROVENANCE, {}), **log.metadata}
+    log = Log(
+        log.time,
+        log.position,
+        log.velocity,
+        log.effort,
+        log.joints,
+        str(source),
+        findings=(*told, *findings),
+        metadata=provenance,
+    )
+    return Recording(log, found.attachments, found.metadata, found.topics)
+
+
+def _refuse_other(path: Path) -> None:
+    from identify.logs.mcap_records import is_mcap
+
+    if not is_mcap(path):
+        raise LogError(
+            f"{path}: is not an MCAP file (it does not start as one); a table needs the suffix .csv or .npz"
+        )
+
+
+def _gather(path: Path, found: _Gathered) -> None:
+    """Take in one file."""
     from mcap.records import Attachment, Channel, Metadata, Schema
 
-    from identify.logs.mcap_records import Damage, Messages, is_mcap, records
+    from identify.logs.mcap_records import Batch, Damage, records
 
-    path = Path(path)
-    if not is_mcap(path):
-        raise LogError(f"{path}: is not an MCAP file (it does not start as one); a table needs the suffix .csv or .npz")
-    schemas: dict[int, str] = {}
+    schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
-    blocks: dict[str, list[Block]] = {}
-    attachments: dict[str, bytes] = {}
-    metadata: dict[str, dict[str, str]] = {}
-    damages: list[Damage] = []
-    layouts: list[joint_state.Layout] = []
-    unreadable = 0
+    kinds: dict[int, Kind | None] = {}
+    layouts: dict[int, list[joint_state.Layout]] = {}
     for item in records(path):
         match item:
+            case Batch():
+                found.read_bytes = found.done_bytes + item.stop
+                numbers = item.channels
+                first = int(numbers[0]) if len(numbers) else 0
+                alone = bool(len(numbers)) and bool((numbers == first).all())
+                for number in [first] if alone else np.unique(numbers).tolist():
+                    kind = kinds.get(number)
+                    if kind is None or (found.topic and channels[number].topic != found.topic):
+                        continue
+                    which = None if alone else np.flatnonzero(numbers == number)
+                    _take_in(item, which, channels[number].topic, kind, layouts.setdefault(number, []), found)
             case Schema():
-                schemas[item.id] = item.name
+                schemas[item.id] = item
             case Channel():
                 channels[item.id] = item
+                schema = schemas.get(item.schema_id)
+                kinds[item.id] = kind_of(item, schema)
+                found.topics[item.topic] = printable(schema.name) if schema and schema.name else "no type"
+                found.kinds[item.topic] = kinds[item.id] is not None
             case Attachment():
-                attachments[item.name] = item.data
+                found.attachments[item.name] = item.data
             case Metadata():
-                metadata.setdefault(item.name, {}).update(item.metadata)
+                found.metadata.setdefault(item.name, {}).update(item.metadata)
             case Damage():
-                damages.append(item)
-            case Messages():
-                for number, messages in item.by_channel():
-                    channel = channels.get(number)
-                    if channel is None or not _holds_joint_states(channel, schemas):
-                        continue
-                    found = _blocks(messages, layouts)
-                    good = blocks.setdefault(channel.topic, [])
-                    good.extend(block for block in found if block is not None)
-                    unreadable += sum(block is None for block in found)
-    topics = {c.topic: printable(schemas.get(c.schema_id, "no type")) for c in channels.values()}
-    findings = [f"{counted(unreadable, 'joint state message')} could not be decoded and not used"] if unreadable else []
-    chosen = _choose_topic(path, topics, blocks, topic, damages, findings)
-    log = _assemble(path, blocks[chosen], joints, findings)
-    findings = [*_describe(damages, log, blocks[chosen]), *findings]
-    provenance = {**metadata.get(PROVENANCE, {}), **log.metadata}
-    log = Log(log.time, log.position, log.velocity, log.effort, log.joints, str(path), "", tuple(findings), provenance)
-    return Recording(log, attachments, metadata, topics)
+                found.damages.append((path, item))
 
 
-def _holds_joint_states(channel: Any, schemas: dict[int, str]) -> bool:
-    return channel.message_encoding == "cdr" and schemas.get(channel.schema_id) in joint_state.NAMES
+def _take_in(
+    batch: Any, which: np.ndarray | None, topic: str, kind: Kind, layouts: list[joint_state.Layout], found: _Gathered
+) -> None:
+    """Add the messages of one channel, at `which` in the batch or all, to their series in the order of the file."""
+    from identify.logs.mcap_records import MESSAGE_HEAD
+
+    log_times = batch.log_times.view(np.int64)
+    blocks: list[tuple[np.ndarray, Block | None]] = []
+    if which is None and batch.grid is not None:
+        blocks = _blocks(batch.grid[:, MESSAGE_HEAD:], np.arange(len(log_times)), log_times, kind, layouts)
+    else:
+        which = np.arange(len(log_times)) if which is None else which
+        lengths = batch.lengths[which]
+        for length in np.unique(lengths).tolist():
+            mine = which[lengths == length]
+            payloads = batch.rows(mine, length)[:, MESSAGE_HEAD:]
+            blocks.extend(_blocks(payloads, mine, log_times[mine], kind, layouts))
+    by_names: dict[frozenset[str], list[tuple[np.ndarray, Block]]] = {}
+    for places, block in blocks:
+        if block is None or len(set(block.joints)) != len(block.joints):
+            found.unreadable += len(places)
+        else:
+            by_names.setdefault(frozenset(block.joints), []).append((places, block))
+    for names, parts in by_names.items():
+        series = _series(topic, kind, names, parts[0][1].joints, found)
+        if series is None:
+            found.untold += sum(len(places) for places, _ in parts)
+            continue
+        share = found.read_bytes / found.total_bytes
+        # What a few messages let expect of a file is never taken for more than it could hold.
+        most = _UNPACKED * found.total_bytes // (8 * (2 + 3 * len(series.joints or ())))
+        for block in _in_order(parts):
+            series.add(block, share, most)
 
 
-def _blocks(messages: Any, layouts: list[joint_state.Layout]) -> list[Block | None]:
-    """Decode messages of one length, a layout at a time; None for each one that can't be decoded."""
-    payloads, places, log_times = messages.payloads, messages.places, messages.log_times
-    found: list[Block | None] = []
+def _series(
+    topic: str, kind: Kind, names: frozenset[str], joints: tuple[str, ...], found: _Gathered
+) -> Series | None:
+    """The series of this publisher; None where there are more than anyone has."""
+    if (topic, names) not in found.series:
+        if len(found.series) == _SERIES_KEPT:
+            return None
+        keep = joints if not found.wanted else found.order if found.wanted <= names else None
+        found.series[topic, names] = Series(topic, kind.rank, joints, keep, found.skip)
+    return found.series[topic, names]
+
+
+def _in_order(parts: list[tuple[np.ndarray, Block]]) -> list[Block]:
+    """The blocks cut so that their messages come in the order of the file."""
+    if len(parts) == 1:
+        return [parts[0][1]]
+    places = np.concatenate([place for place, _ in parts])
+    owner = np.concatenate([np.full(len(place), k) for k, (place, _) in enumerate(parts)])
+    row = np.concatenate([np.arange(len(place)) for place, _ in parts])
+    order = np.argsort(places, kind="stable")
+    owner, row = owner[order], row[order]
+    # Neighbours of one block stay together.
+    cuts = np.flatnonzero(np.diff(owner)) + 1
+    return [_rows(parts[int(owner[run[0]])][1], row[run]) for run in np.split(np.arange(len(order)), cuts)]
+
+
+def _rows(block: Block, which: np.ndarray) -> Block:
+    pick = slice(int(which[0]), int(which[-1]) + 1)
+    velocity, effort = (None if values is None else values[pick] for values in (block.velocity, block.effort))
+    return Block(block.joints, block.stamp[pick], block.log_time[pick], block.position[pick], velocity, effort)
+
+
+def _blocks(
+    payloads: np.ndarray,
+    places: np.ndarray,
+    log_times: np.ndarray,
+    kind: Kind,
+    layouts: list[joint_state.Layout],
+) -> list[tuple[np.ndarray, Block | None]]:
+    """Decode messages of one length, a layout at a time, with their places; None where they can't be decoded."""
+    found: list[tuple[np.ndarray, Block | None]] = []
     for _ in range(_LAYOUTS_PER_RUN):
         if not len(payloads):
             return found
-        known = _layout_of(payloads[0].tobytes(), layouts)
+        known = _layout_of(payloads[0].tobytes(), layouts, kind.parse)
         if known is None:
             break
         same = joint_state.matches(known, payloads)
-        if same.all():
-            found.append(Block(known.joints, places, *_times_first(known, payloads, log_times)))
+        whole = bool(same.all())
+        pick = slice(None) if whole else same
+        found.append((places[pick], _in_bulk(known, payloads[pick], log_times[pick])))
+        if whole:
             return found
-        found.append(Block(known.joints, places[same], *_times_first(known, payloads[same], log_times[same])))
         payloads, places, log_times = payloads[~same], places[~same], log_times[~same]
-    decode = _slow_decoder()
     for payload, place, log_time in zip(payloads, places, log_times, strict=True):
-        found.append(_decode_one(decode, payload.tobytes(), place, log_time))
+        found.append((place[None], _decode_one(kind.decode, payload.tobytes(), log_time)))
     return found
 
 
-def _times_first(known: joint_state.Layout, payloads: np.ndarray, log_times: np.ndarray) -> tuple[Any, ...]:
-    stamp, position, velocity, effort = joint_state.decode(known, payloads)
-    return stamp, log_times, position, velocity, effort
+def _in_bulk(known: joint_state.Layout, payloads: np.ndarray, log_times: np.ndarray) -> Block:
+    rows = joint_state.rows(known, payloads)
+    names = known.fields.names or ()
+    velocity, effort = (rows[name] if name in names else None for name in ("velocity", "effort"))
+    return Block(known.joints, joint_state.stamps(rows), log_times, rows["position"], velocity, effort)
 
 
-def _layout_of(message: bytes, layouts: list[joint_state.Layout]) -> joint_state.Layout | None:
+def _layout_of(
+    message: bytes, layouts: list[joint_state.Layout], parse: Callable[[bytes], joint_state.Layout | None]
+) -> joint_state.Layout | None:
     """The message's layout, found among those already seen or added to them."""
     row = np.frombuffer(message, dtype=np.uint8)[None]
     for known in layouts:
         if known.template.size == len(message) and joint_state.matches(known, row)[0]:
             return known
-    parsed = joint_state.parse(message)
+    parsed = parse(message)
     if parsed is not None:
         layouts.insert(0, parsed)
         del layouts[_LAYOUTS_KEPT:]
     return parsed
 
 
-def _slow_decoder() -> Callable[[bytes], Any]:
-    from mcap.records import Schema
-    from mcap_ros2.decoder import DecoderFactory
-
-    schema = Schema(id=1, data=joint_state.DEFINITION.encode(), encoding="ros2msg", name=joint_state.NAMES[0])
-    decode = DecoderFactory().decoder_for("cdr", schema)
-    if decode is None:
-        raise LogError("mcap-ros2-support has no decoder for sensor_msgs/msg/JointState; update it")
-    return decode
-
-
-def _decode_one(decode: Callable[[bytes], Any], payload: bytes, place: int, log_time: int) -> Block | None:
-    try:
-        message = decode(payload)
-    except (struct.error, ValueError, IndexError, MemoryError):
+def _decode_one(decode: Callable[[bytes], Any], payload: bytes, log_time: int) -> Block | None:
+    state = decode(payload)
+    if state is None:
         return None
-    joints = tuple(message.name)
-    if not joints or len(message.position) != len(joints):
-        return None
-    stamp = message.header.stamp.sec * _SECOND + message.header.stamp.nanosec
-    velocity, effort = (
-        np.array([values]) if len(values) == len(joints) else None for values in (message.velocity, message.effort)
-    )
-    times = np.array([stamp], dtype=np.int64), np.array([log_time], dtype=np.int64)
-    return Block(joints, np.array([place]), *times, np.array([message.position]), velocity, effort)
+    velocity, effort = (None if values is None else np.array([values]) for values in (state.velocity, state.effort))
+    times = np.array([state.stamp], dtype=np.int64), np.array([log_time], dtype=np.int64)
+    return Block(state.joints, *times, np.array([state.position]), velocity, effort)
 
 
-def _choose_topic(
-    path: Path,
-    topics: dict[str, str],
-    blocks: dict[str, list[Block]],
-    topic: str | None,
-    damages: list[Any],
-    findings: list[str],
-) -> str:
-    """The topic to read; LogError where there is none, with the topics that there are."""
-    listed = ", ".join(f"{printable(name)} ({kind})" for name, kind in sorted(topics.items())) or "none"
-    counts = {name: sum(len(block.places) for block in found) for name, found in blocks.items()}
-    counts = {name: count for name, count in counts.items() if count}
-    holding = [name for name, kind in topics.items() if kind in joint_state.NAMES]
-    if topic is not None and topic not in counts:
-        raise LogError(f"{path}: holds no joint states on the topic {topic}; its topics: {listed}")
-    if not counts and holding:
-        raise LogError(
-            f"{path}: holds no usable message on {printable(', '.join(sorted(holding)))}; record while the robot runs"
+def _choose(source: Path, found: _Gathered, findings: list[str]) -> Series:
+    """The publisher to read, and findings on those left out; LogError where there is none."""
+    every = list(found.series.values())
+    if not every:
+        raise LogError(_nothing(source, found))
+    counts: dict[str, int] = {}
+    for series in every:
+        counts[series.topic] = counts.get(series.topic, 0) + series.samples
+
+    def order(series: Series) -> tuple[Any, ...]:
+        names, topic = series.publishes, series.topic
+        return (
+            series.joints is not None,
+            -series.rank,
+            topic == TOPIC,
+            counts[topic],
+            topic,
+            len(names),
+            series.samples,
         )
-    if not counts and not topics and damages:
-        raise LogError(f"{path}: was cut or damaged before its first joint state; nothing can be recovered")
-    if not counts:
-        raise LogError(f"{path}: holds no sensor_msgs/msg/JointState in cdr encoding; its topics: {listed}")
-    chosen = topic or (TOPIC if TOPIC in counts else max(sorted(counts), key=counts.__getitem__))
-    others = sorted(name for name in counts if name != chosen)
-    if others and topic is None:
-        left = printable(", ".join(others))
-        findings.append(f"joint states come on several topics: {printable(chosen)} was read, {left} left out")
+
+    chosen = max(every, key=order)
+    if chosen.joints is None:
+        raise no_such_joint(str(source), found.order, chosen.publishes)
+    others = sorted(topic for topic in counts if topic != chosen.topic)
+    if others:
+        findings.append(
+            f"joint states come on several topics: {printable(chosen.topic)} was read, {listed(others)} left out"
+        )
+    for series in every:
+        if series.topic == chosen.topic and series is not chosen:
+            left = f"{counted(series.samples, 'message')} with other joints ({listed(sorted(series.publishes))})"
+            findings.append(f"{left} were left out")
+    if found.untold:
+        findings.append(f"{counted(found.untold, 'message')} of ever more joints were left out")
     return chosen
 
 
-def _assemble(path: Path, blocks: list[Block], wanted: Sequence[str] | None, findings: list[str]) -> Log:
-    """One log from blocks of one topic, in file order."""
-    groups: dict[frozenset[str], list[Block]] = {}
-    for block in blocks:
-        groups.setdefault(frozenset(block.joints), []).append(block)
-    counts = {names: sum(len(block.places) for block in group) for names, group in groups.items()}
-    need = frozenset(wanted or ())
-    chosen = max(groups, key=lambda names: (need <= names, len(names), counts[names]))
-    for names in groups:
-        if names != chosen:
-            listed = printable(", ".join(sorted(names)))
-            findings.append(f"{counted(counts[names], 'message')} with other joints ({listed}) were left out")
-    group = groups[chosen]
-    joints = group[0].joints
-    if len(chosen) != len(joints):
-        raise LogError(f"{path}: its messages name a joint twice ({printable(', '.join(joints))}); mend the publisher")
+def _nothing(source: Path, found: _Gathered) -> str:
+    """Why there is nothing to choose from."""
+    topics = ", ".join(f"{printable(name)} ({kind})" for name, kind in sorted(found.topics.items())) or "none"
+    holding = sorted(name for name, known in found.kinds.items() if known)
+    if found.topic is not None and found.topic not in holding:
+        return f"{source}: holds no joint states on the topic {printable(found.topic)}; its topics: {topics}"
+    if holding:
+        return f"{source}: holds no usable message on {listed(holding)}; record while the robot runs"
+    if found.damages and not found.topics:
+        return f"{source}: was cut or damaged before its first joint state; nothing can be recovered"
+    return f"{source}: holds no {KNOWN}; its topics: {topics}"
 
-    places = np.concatenate([block.places for block in group])
-    order = np.argsort(places, kind="stable") if (np.diff(places) < 0).any() else slice(None)
-    stamp, log_time = (
-        np.concatenate([getattr(block, name) for block in group])[order] for name in ("stamp", "log_time")
-    )
-    time = stamp
+
+def _assemble(series: Series, findings: list[str]) -> Log:
+    """The series as a log, not yet cleaned."""
+    assert series.joints is not None, "a series without its joints is never chosen"
+    stamp, log_time = series.times("stamp"), series.times("log_time")
+    clock = "stamp"
     if stamp.max() == stamp.min() and (not stamp[0] or len(stamp) > 1):
-        time = log_time
+        clock = "log_time"
         if stamp[0]:
             findings.append("the header stamps do not run; the time at which messages were recorded stands in")
-    velocity, effort = (
-        _column(group, joints, name, order) if any(getattr(block, name) is not None for block in group) else None
-        for name in ("velocity", "effort")
-    )
-    position = _column(group, joints, "position", order)
-    metadata = {START_TIME: str(int(time[0]))}
-    return Log((time - time[0]) / _SECOND, position, velocity, effort, joints, metadata=metadata)
+    metadata = {START_TIME: str(int((stamp if clock == "stamp" else log_time)[0]))}
+    position = series.take("position")
+    assert position is not None, "every message has positions"
+    velocity, effort = series.take("velocity"), series.take("effort")
+    del stamp, log_time
+    return Log(series.take_seconds(clock), position, velocity, effort, series.joints, metadata=metadata)
 
 
-def _column(group: list[Block], joints: tuple[str, ...], name: str, order: Any) -> np.ndarray:
-    """(N, n) of one signal in the order of `joints`; NaN where some messages lack it."""
-    parts = []
-    for block in group:
-        values = getattr(block, name)
-        if values is None:
-            values = np.full(block.position.shape, np.nan)
-        elif block.joints != joints:
-            values = values[:, [block.joints.index(joint) for joint in joints]]
-        parts.append(values)
-    return np.concatenate(parts)[order]
-
-
-def _describe(damages: list[Any], log: Log, blocks: list[Block]) -> list[str]:
-    """A sentence for every damage: what was lost, and how far the recording goes."""
-    first = min(int(block.log_time[0]) for block in blocks)
+def _describe(damages: list[tuple[Path, Any]], log: Log, first: int, several: bool) -> list[str]:
+    """A sentence for every damage: what was lost, and how far the recording goes. first: the first log time [ns]."""
     recovered = f"{counted(log.samples, 'sample')} before that recovered, up to {log.time.max():.3f} s"
     sentences = []
-    for damage in damages:
+    for path, damage in damages[:_DAMAGES_TOLD]:
         lost = f"{counted(damage.lost_bytes, 'byte')} lost" if damage.lost_bytes else "no sample lost"
         if damage.span is not None:
             start, stop = ((when - first) / _SECOND for when in damage.span)
             lost += f", which spanned {start:.3f} to {stop:.3f} s"
+        name = f"{path.name}: the file" if several else "the file"
         if damage.cut and damage.lost_bytes:
-            sentences.append(f"the file is cut: {damage.reason} at byte {damage.offset}; {recovered}; {lost}")
+            sentences.append(f"{name} is cut: {damage.reason} at byte {damage.offset}; {recovered}; {lost}")
         elif damage.cut:
-            sentences.append(f"the file is cut: {damage.reason}; {recovered}; what followed is not known")
+            sentences.append(f"{name} is cut: {damage.reason}; {recovered}; what followed is not known")
         else:
-            sentences.append(f"the file is damaged at byte {damage.offset}: {damage.reason}; {lost}")
+            sentences.append(f"{name} is damaged at byte {damage.offset}: {damage.reason}; {lost}")
+    if damages[_DAMAGES_TOLD:]:
+        rest = damages[_DAMAGES_TOLD:]
+        lost_bytes = sum(damage.lost_bytes for _, damage in rest)
+        sentences.append(f"{counted(len(rest), 'more place')} damaged, with {counted(lost_bytes, 'byte')} lost")
     return sentences

@@ -1,17 +1,18 @@
 """An MCAP file as a stream of what matters, whole records only, whatever state the file is in.
 
-It is read front to back without its index, so that a file that was cut, or whose index is missing or
-wrong, gives back every complete chunk; what could not be used comes as Damage. Memory does not grow with
+It is read front to back without the index at its end, so that a file that was cut, or whose index is missing
+or wrong, gives back every complete chunk; what could not be used comes as Damage. Memory does not grow with
 the file. Format: the MCAP specification, version 0.
 """
 
 from __future__ import annotations
 
 import io
-import itertools
 import os
+import re
 import struct
 import zlib
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,46 +27,78 @@ from mcap.records import Attachment, Channel, McapRecord, Metadata, Schema
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE_HEAD = 31
 """Bytes before a message's payload: opcode, length, channel, sequence, log time, publish time."""
+RECORD_HEAD = struct.Struct("<BQ")
+LARGEST_RECORD = 1 << 28
+"""A chunk that unpacks to more bytes, or an attachment of more, is hostile or unusable, and is passed over."""
 
-_RECORD_HEAD = struct.Struct("<BQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LOOSE_BYTES = 1 << 20
-_STRIDE_GROWTH = 32
-_LARGEST_CHUNK = 1 << 30
+_MOST_DEFINITIONS = 1 << 17
+# Plain numbers, as a member of an enumeration takes longer to look up than to compare.
+_MESSAGE, _CHUNK, _MESSAGE_INDEX = int(Opcode.MESSAGE), int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
+_DATA_END, _FOOTER = int(Opcode.DATA_END), int(Opcode.FOOTER)
+_DEFINITIONS: dict[int, type[McapRecord]] = {int(Opcode.SCHEMA): Schema, int(Opcode.CHANNEL): Channel}
 _KEPT: dict[int, type[McapRecord]] = {
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.METADATA: Metadata,
-    Opcode.ATTACHMENT: Attachment,
+    **_DEFINITIONS,
+    int(Opcode.METADATA): Metadata,
+    int(Opcode.ATTACHMENT): Attachment,
 }
+_COMPRESSED = re.compile(rb"\x04\0\0\0zstd|\x03\0\0\0lz4")
+"""How a chunk names its compression, by which one is found again behind damage."""
+_NAME_AT = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
+_DATA_END_BYTES = 4
+_FEW_DEFINITIONS = 64
+_STRIDE_GROWTH = 32
 
 
 @dataclass(frozen=True, eq=False)
-class Messages:
-    """Message records of one length, heads included: rows (k, length) uint8 and their places (k,) in file order."""
+class Batch:
+    """Neighbouring message records: content (bytes) uint8, offsets (k,) and lengths (k,) in it, heads included.
 
-    rows: np.ndarray
-    places: np.ndarray
+    chunk: the chunk record they come from, as it stands in the file; None for messages outside of chunks.
+    definitions: schema and channel records among them that have not come before. grid: (k, length) uint8, all
+    of them as a view where they are of one length and nothing lies between them, else None. stop: the place in
+    the file up to which they were read.
+    """
 
-    def by_channel(self) -> Iterator[tuple[int, Messages]]:
-        """The messages of one channel after the other, with its number."""
-        channels = self.rows[:, 9:11].view("<u2")[:, 0]
-        if (channels == channels[0]).all():
-            yield int(channels[0]), self
-            return
-        for number in np.unique(channels):
-            mine = channels == number
-            yield int(number), Messages(self.rows[mine], self.places[mine])
+    content: np.ndarray
+    offsets: np.ndarray
+    lengths: np.ndarray
+    chunk: Chunk | None
+    definitions: tuple[Schema | Channel, ...]
+    grid: np.ndarray | None
+    stop: int
+
+    @property
+    def channels(self) -> np.ndarray:
+        """(k,) uint16, the number of every message's channel."""
+        return self._column("<u2", 9)
 
     @property
     def log_times(self) -> np.ndarray:
-        """(k,) int64, when every message was recorded [ns]."""
-        return self.rows[:, 15:23].view("<u8")[:, 0].astype(np.int64)
+        """(k,) uint64, when every message was recorded [ns]."""
+        return self._column("<u8", 15)
 
-    @property
-    def payloads(self) -> np.ndarray:
-        """(k, length - MESSAGE_HEAD) uint8, the messages themselves."""
-        return self.rows[:, MESSAGE_HEAD:]
+    def rows(self, which: np.ndarray, length: int) -> np.ndarray:
+        """(m, length) uint8, the records at `which` (m,), all of one length."""
+        return _at(self.content, f"V{length}", self.offsets[which]).view(np.uint8).reshape(-1, length)
+
+    def _column(self, kind: str, place: int) -> np.ndarray:
+        if self.grid is None:
+            return _at(self.content, kind, self.offsets + place)
+        return self.grid[:, place : place + np.dtype(kind).itemsize].view(kind)[:, 0]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """A chunk record, whole: its bytes after opcode and length, times [ns], compression, unpacked and packed size."""
+
+    body: bytes
+    start: int
+    stop: int
+    compression: str
+    size: int
+    packed: int
 
 
 @dataclass(frozen=True)
@@ -82,7 +115,7 @@ class Damage:
     cut: bool = False
 
 
-Item = Schema | Channel | Metadata | Attachment | Messages | Damage
+Item = Schema | Channel | Metadata | Attachment | Batch | Damage
 
 
 def is_mcap(path: Path) -> bool:
@@ -110,28 +143,90 @@ def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
     loose = bytearray()
     seen: set[bytes] = set()
     at = stream.tell()
-    for number in itertools.count():
-        head = stream.read(_RECORD_HEAD.size)
-        opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
-        complete = opcode > 0 and length <= size - at - _RECORD_HEAD.size
-        is_message = opcode == Opcode.MESSAGE and complete
+    head = stream.read(RECORD_HEAD.size)
+    while True:
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
+        after = at + RECORD_HEAD.size + length
+        complete = opcode > 0 and after <= size
+        usable = complete and length < LARGEST_RECORD
+        is_message = opcode == _MESSAGE and usable
         if loose and (not is_message or len(loose) > _LOOSE_BYTES):
-            yield from _split(bytes(loose), at, number, seen)
+            yield from _split(bytes(loose), at, seen, None, None)
             loose.clear()
-        if not complete:
-            yield _end_of_file(stream, at, size, opcode, head)
+        if complete and (opcode == _FOOTER or (opcode == _DATA_END and length == _DATA_END_BYTES)):
             return
-        if opcode == Opcode.DATA_END:
-            return
-        if is_message:
-            loose += head + stream.read(length)
-        elif opcode == Opcode.CHUNK:
-            yield from _chunk(stream.read(length), at, number, decompress, seen)
-        elif opcode in _KEPT:
+        lost: Damage | None = None
+        here, head = head, b""
+        if not complete or (opcode == _DATA_END):
+            lost = _end_of_file(stream, at, size, opcode, here)
+        elif is_message:
+            loose += RECORD_HEAD.pack(opcode, length) + stream.read(length)
+        elif opcode == _CHUNK and usable:
+            body = stream.read(length)
+            hints, after, head = _indices(stream, after, size)
+            for item in _chunk(body, at, decompress, seen, hints):
+                if isinstance(item, Damage) and item.lost_bytes == len(body):
+                    lost = item
+                else:
+                    yield item
+        elif opcode in _KEPT and usable:
             yield _record(opcode, stream.read(length), at)
         else:
-            stream.seek(length, os.SEEK_CUR)
-        at += _RECORD_HEAD.size + length
+            if opcode in (_CHUNK, _MESSAGE):
+                lost = Damage(at, length, "a record claims more than 256 MiB")
+            stream.seek(after)
+        if lost is not None:
+            # What claims to go far may have swallowed what is sound.
+            found = _next_chunk(stream, at + 1, min(at + RECORD_HEAD.size + lost.lost_bytes, size))
+            if found is None and lost.lost_bytes == size - at:
+                yield lost
+                return
+            yield lost if found is None else Damage(at, found - at, lost.reason, lost.span)
+            if found is not None:
+                after, head = found, b""
+            stream.seek(after + len(head))
+        at = after
+        head = head or stream.read(RECORD_HEAD.size)
+
+
+def _next_chunk(stream: BinaryIO, start: int, stop: int) -> int | None:
+    """Where between start and stop the first compressed chunk begins whose lengths agree with each other."""
+    step = _LOOSE_BYTES
+    for window in range(start, stop, step):
+        stream.seek(window)
+        # Windows overlap, so that no head is cut in two.
+        data = stream.read(step + 2 * _CHUNK_HEAD.size + RECORD_HEAD.size)
+        places = sorted(
+            found.start() - _NAME_AT for found in _COMPRESSED.finditer(data) if found.start() >= _NAME_AT
+        )
+        for place in places:
+            opcode, length = RECORD_HEAD.unpack_from(data, place)
+            body = data[place + RECORD_HEAD.size : place + RECORD_HEAD.size + 2 * _CHUNK_HEAD.size]
+            (name,) = struct.unpack_from("<I", body, _CHUNK_HEAD.size - 4)
+            if opcode != _CHUNK or len(body) < _CHUNK_HEAD.size + name + 8:
+                continue
+            (packed,) = struct.unpack_from("<Q", body, _CHUNK_HEAD.size + name)
+            if length == _CHUNK_HEAD.size + name + 8 + packed and window + place < stop:
+                return window + place
+    return None
+
+
+def _indices(stream: BinaryIO, at: int, size: int) -> tuple[np.ndarray | None, int, bytes]:
+    """Where the message indices behind a chunk say its messages start, in order; what follows them, and its head."""
+    found: list[np.ndarray] = []
+    while True:
+        head = stream.read(RECORD_HEAD.size)
+        opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
+        if opcode != _MESSAGE_INDEX or length > min(size - at - RECORD_HEAD.size, LARGEST_RECORD):
+            break
+        body = stream.read(length)
+        at += RECORD_HEAD.size + length
+        if length > 6 and (length - 6) % 16 == 0:
+            found.append(np.frombuffer(body, "<u8", offset=6)[1::2])
+    if not found:
+        return None, at, head
+    hints = found[0] if len(found) == 1 else np.concatenate(found)
+    return (hints if (hints[1:] > hints[:-1]).all() else np.unique(hints)), at, head
 
 
 def _end_of_file(stream: BinaryIO, at: int, size: int, opcode: int, head: bytes) -> Damage:
@@ -139,9 +234,9 @@ def _end_of_file(stream: BinaryIO, at: int, size: int, opcode: int, head: bytes)
     lost = size - at
     if not lost:
         return Damage(at, 0, "it ends without its end record", cut=True)
-    if opcode == 0 and len(head) == _RECORD_HEAD.size:
+    if opcode == 0 and len(head) == RECORD_HEAD.size:
         return Damage(at, lost, "no record starts there")
-    body = stream.read(_CHUNK_HEAD.size) if opcode == Opcode.CHUNK else b""
+    body = stream.read(_CHUNK_HEAD.size) if opcode == _CHUNK else b""
     if len(body) < _CHUNK_HEAD.size:
         return Damage(at, lost, "it ends inside a record", cut=True)
     start, stop, *_ = _CHUNK_HEAD.unpack(body)
@@ -149,7 +244,11 @@ def _end_of_file(stream: BinaryIO, at: int, size: int, opcode: int, head: bytes)
 
 
 def _chunk(
-    body: bytes, at: int, number: int, decompress: dict[str, Callable[[bytes, int], bytes]], seen: set[bytes]
+    body: bytes,
+    at: int,
+    decompress: dict[str, Callable[[memoryview, int], bytes]],
+    seen: set[bytes],
+    hints: np.ndarray | None,
 ) -> Iterator[Item]:
     """What a chunk record holds; Damage where it can't be unpacked or its checksum is wrong."""
     span = None
@@ -159,11 +258,11 @@ def _chunk(
         name_end = _CHUNK_HEAD.size + name_length
         compression = body[_CHUNK_HEAD.size : name_end].decode()
         (length,) = struct.unpack_from("<Q", body, name_end)
-        data = body[name_end + 8 : name_end + 8 + length]
+        data = memoryview(body)[name_end + 8 : name_end + 8 + length]
         if compression not in decompress:
             raise ValueError(f"compression {compression!r} is unknown")
-        if size > _LARGEST_CHUNK:
-            raise ValueError("it claims more than 1 GiB")
+        if size > LARGEST_RECORD:
+            raise ValueError("it claims more than 256 MiB")
         content = decompress[compression](data, size)
         if len(content) != size:
             raise ValueError("it unpacks to another size than it says")
@@ -172,68 +271,157 @@ def _chunk(
     except (struct.error, ValueError, RuntimeError, MemoryError) as error:
         yield Damage(at, len(body), f"a chunk can't be unpacked: {error}", span)
         return
-    yield from _split(content, at, number, seen)
+    yield from _split(content, at, seen, hints, Chunk(body, start, stop, compression, size, length))
 
 
-def _split(content: bytes, at: int, number: int, seen: set[bytes]) -> Iterator[Item]:
-    """Records that lie one behind the other: schemas and channels, then the messages in groups of one length.
+def _split(
+    content: bytes | memoryview, at: int, seen: set[bytes], hints: np.ndarray | None, chunk: Chunk | None
+) -> Iterator[Item]:
+    """Records that lie one behind the other: schemas, channels and messages.
 
-    at: where the content begins in the file; number: how many records of the file come before it; seen: the
-    schemas and channels that have come already.
+    at: where the content begins in the file; seen: the schemas and channels that have come already; hints: where
+    an index says that messages start.
     """
-    # length → runs (offset, count) of neighbours
-    runs: dict[int, list[tuple[int, int]]] = {}
     view = np.frombuffer(content, dtype=np.uint8)
-    here = 0
-    while here < len(content):
-        if here + _RECORD_HEAD.size > len(content):
-            yield Damage(at, len(content) - here, "a chunk ends inside a record")
+    reason, grid = "", None
+    found = _by_grid(content, view) or (None if hints is None else _by_hints(view, hints))
+    if found is None:
+        offsets, lengths, others, reason = _by_walking(content, view)
+    else:
+        offsets, lengths, others, grid = found
+    definitions = []
+    for here in others:
+        opcode, length = RECORD_HEAD.unpack_from(content, here)
+        record = bytes(content[here : here + RECORD_HEAD.size + length])
+        # Every chunk may repeat them, and reading one takes as long as many messages.
+        if record in seen:
+            continue
+        seen.add(record)
+        item = _record(opcode, record[RECORD_HEAD.size :], at)
+        if isinstance(item, Damage):
+            yield item
+        else:
+            definitions.append(item)
+    yield from definitions
+    if len(offsets) or definitions:
+        stop = at if chunk is None else at + len(chunk.body)
+        yield Batch(view, offsets, lengths, chunk, tuple(definitions), grid, stop)
+    if reason:
+        used = int(offsets[-1] + lengths[-1]) if len(offsets) else 0
+        yield Damage(at, len(content) - used, reason)
+
+
+_Found = tuple[np.ndarray, np.ndarray, list[int], np.ndarray | None]
+"""Offsets and lengths of the messages, offsets of the definitions, and the messages' grid where they are one."""
+
+
+def _by_grid(content: bytes | memoryview, view: np.ndarray) -> _Found | None:
+    """Definitions, then messages of one length up to the end; None for anything else."""
+    here, size = 0, len(content)
+    others: list[int] = []
+    while here + MESSAGE_HEAD <= size and len(others) < _FEW_DEFINITIONS:
+        opcode, length = RECORD_HEAD.unpack_from(content, here)
+        step = RECORD_HEAD.size + length
+        if opcode in _DEFINITIONS:
+            others.append(here)
+            here += step
+            continue
+        if opcode != _MESSAGE or step < MESSAGE_HEAD or (size - here) % step:
+            return None
+        count = (size - here) // step
+        grid = view[here:].reshape(count, step)
+        if grid[:, : RECORD_HEAD.size].tobytes() != bytes(content[here : here + RECORD_HEAD.size]) * count:
+            return None
+        return np.arange(here, size, step), np.full(count, step), others, grid
+    return None
+
+
+def _by_hints(view: np.ndarray, hints: np.ndarray) -> _Found | None:
+    """Offsets and lengths of the messages, and offsets of definitions; None unless they cover the content exactly.
+
+    An index is no more than a hint: every record that it names is looked at, and every gap between them.
+    """
+    size = len(view)
+    if not len(hints) or hints[-1] > size - MESSAGE_HEAD:
+        return None
+    offsets = hints.astype(np.int64)
+    lengths = _at(view, "<u8", offsets + 1)
+    if (view[offsets] != _MESSAGE).any() or int(lengths.max()) > size or int(lengths.min()) < MESSAGE_HEAD - 9:
+        return None
+    lengths = lengths.astype(np.int64) + RECORD_HEAD.size
+    ends = offsets + lengths
+    starts = np.append(offsets[1:], size)
+    gaps = np.flatnonzero(ends != starts)
+    if len(gaps) > _MOST_DEFINITIONS:
+        return None
+    others: list[int] = []
+    for here, stop in [(0, int(offsets[0])), *((int(ends[k]), int(starts[k])) for k in gaps)]:
+        while here < stop:
+            if here + RECORD_HEAD.size > stop or view[here] not in _DEFINITIONS:
+                return None
+            others.append(here)
+            here += RECORD_HEAD.size + int(view[here + 1 : here + 9].view("<u8")[0])
+        if here != stop:
+            return None
+    return offsets, lengths, others, None
+
+
+def _by_walking(content: bytes | memoryview, view: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[int], str]:
+    """Offsets and lengths of the messages, offsets of definitions, and why the walk ended before its time, or ""."""
+    offsets, lengths = array("q"), array("q")
+    others: list[int] = []
+    reason = ""
+    here, size = 0, len(content)
+    while here < size:
+        opcode, length = RECORD_HEAD.unpack_from(content, here) if here + RECORD_HEAD.size <= size else (0, 0)
+        step = RECORD_HEAD.size + length
+        if step > size - here or here + RECORD_HEAD.size > size:
+            reason = "a chunk ends inside a record"
             break
-        opcode, length = _RECORD_HEAD.unpack_from(content, here)
-        step = _RECORD_HEAD.size + length
-        if step > len(content) - here:
-            yield Damage(at, len(content) - here, "a chunk ends inside a record")
-            break
-        if opcode == Opcode.MESSAGE and step >= MESSAGE_HEAD:
-            count = _neighbours(content, view, here, step)
-            runs.setdefault(step, []).append((here, count))
+        if opcode == _MESSAGE and step >= MESSAGE_HEAD:
+            count = _neighbours(view, here, step)
+            if count == 1:
+                offsets.append(here)
+                lengths.append(step)
+            else:
+                offsets.frombytes(np.arange(here, here + step * count, step, dtype=np.int64).tobytes())
+                lengths.frombytes(np.full(count, step, dtype=np.int64).tobytes())
             here += step * count
             continue
-        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            body = content[here + _RECORD_HEAD.size : here + step]
-            # Every chunk may repeat them, and reading one takes as long as many messages.
-            if body not in seen:
-                seen.add(body)
-                yield _record(opcode, body, at)
+        if opcode not in _DEFINITIONS or len(others) == _MOST_DEFINITIONS:
+            reason = "a chunk holds something else than messages"
+            break
+        others.append(here)
         here += step
-    for step, pieces in runs.items():
-        places = np.concatenate([start + step * np.arange(count) for start, count in pieces])
-        if len(pieces) == 1:
-            rows = view[places[0] : places[-1] + step].reshape(-1, step)
-        else:
-            rows = view[places[:, None] + np.arange(step)]
-        yield Messages(rows, (number << _LARGEST_CHUNK.bit_length()) + places)
+    return np.array(offsets, dtype=np.int64), np.array(lengths, dtype=np.int64), others, reason
 
 
-def _neighbours(content: bytes, view: np.ndarray, start: int, step: int) -> int:
+def _neighbours(view: np.ndarray, start: int, step: int) -> int:
     """How many message records of the same length follow one another from `start`, in growing strides."""
-    head = content[start : start + _RECORD_HEAD.size]
-    room = (len(content) - start) // step
+    room = (len(view) - start) // step
+    head = view[start : start + RECORD_HEAD.size].tobytes()
     count = 1
     while count < room:
         here = start + count * step
-        if content[here : here + _RECORD_HEAD.size] != head:
+        if view[here : here + RECORD_HEAD.size].tobytes() != head:
             break
         stride = min(_STRIDE_GROWTH * count, room - count)
         rows = view[here : here + stride * step].reshape(stride, step)
-        same = (rows[:, 1:9].view("<u8")[:, 0] == step - _RECORD_HEAD.size) & (rows[:, 0] == Opcode.MESSAGE)
+        same = (rows[:, 1:9].view("<u8")[:, 0] == step - RECORD_HEAD.size) & (rows[:, 0] == _MESSAGE)
         if not same.all():
             return count + int(same.argmin())
         count += stride
     return count
 
 
-def _record(opcode: int, body: bytes, at: int) -> Item:
+def _at(view: np.ndarray, kind: str, offsets: np.ndarray) -> np.ndarray:
+    """(k,) values of a dtype that start at these bytes, aligned or not."""
+    dtype = np.dtype(kind)
+    every = np.ndarray((len(view) - dtype.itemsize + 1,), dtype, view, strides=(1,))
+    return every[offsets]
+
+
+def _record(opcode: int, body: bytes, at: int) -> Any:
     kind: Any = _KEPT[opcode]
     try:
         return kind.read(ReadDataStream(io.BytesIO(body)))
@@ -241,13 +429,13 @@ def _record(opcode: int, body: bytes, at: int) -> Item:
         return Damage(at, len(body), f"a {kind.__name__.lower()} record can't be read")
 
 
-def _decompressors() -> dict[str, Callable[[bytes, int], bytes]]:
+def _decompressors() -> dict[str, Callable[[memoryview, int], Any]]:
     import lz4.frame
     import zstandard
 
     unpack = zstandard.ZstdDecompressor()
 
-    def zstd(data: bytes, size: int) -> bytes:
+    def zstd(data: memoryview, size: int) -> bytes:
         try:
             # The frame's own word on its size is what would be allocated.
             if zstandard.frame_content_size(data) > size:
@@ -256,7 +444,7 @@ def _decompressors() -> dict[str, Callable[[bytes, int], bytes]]:
         except zstandard.ZstdError as error:
             raise ValueError(str(error)) from error
 
-    def lz4_frame(data: bytes, size: int) -> bytes:
-        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size)
+    def lz4_frame(data: memoryview, size: int) -> bytes:
+        return lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size) if size else b""
 
     return {"": lambda data, _: data, "zstd": zstd, "lz4": lz4_frame}

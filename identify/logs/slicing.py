@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.errors import LogError
 from identify.logs.log import START_TIME, Log
-from identify.logs.wording import printable
+from identify.logs.wording import listed
 
 
 def select(log: Log, joint_names: Sequence[str]) -> Log:
@@ -17,12 +17,8 @@ def select(log: Log, joint_names: Sequence[str]) -> Log:
     names = tuple(joint_names)
     if names == log.joints:
         return log
-    missing = [name for name in names if name not in log.joints]
-    if missing:
-        raise LogError(
-            f"{log.source or 'log'}: has no joint {missing[0]!r}; it has {printable(', '.join(log.joints))}: "
-            "name the robot's joints as the log does, or choose some with --joints"
-        )
+    if any(name not in log.joints for name in names):
+        raise no_such_joint(log.source or "log", names, log.joints)
     columns = [log.joints.index(name) for name in names]
     velocity, effort = (None if values is None else values[:, columns] for values in (log.velocity, log.effort))
     return replace(log, position=log.position[:, columns], velocity=velocity, effort=effort, joints=names)
@@ -56,3 +52,12 @@ def counted_from(log: Log, origin: float) -> Log:
     if START_TIME in metadata:
         metadata[START_TIME] = str(int(metadata[START_TIME]) + round(origin * 1e9))
     return replace(log, time=log.time - origin, metadata=metadata)
+
+
+def no_such_joint(source: str, wanted: Sequence[str], joints: Sequence[str]) -> LogError:
+    """The error that names the first joint wanted which is not among a log's joints, and those that are."""
+    missing = next(name for name in wanted if name not in joints)
+    return LogError(
+        f"{source}: has no joint {missing!r}; it has {listed(joints)}: "
+        "name the robot's joints as the log does, or choose some with --joints"
+    )

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+_SHOWN = 40
+_LETTERS = 80
+
 
 def printable(text: str) -> str:
     """The text on one line, as a damaged file may hold anything for a name."""
@@ -11,3 +16,9 @@ def printable(text: str) -> str:
 def counted(number: int, noun: str) -> str:
     """ "1 row", "2 rows", "45,000 rows"."""
     return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+
+
+def listed(names: Sequence[str]) -> str:
+    """The names with commas between them, on one line; of very many or very long ones no more than is readable."""
+    shown = [printable(name if len(name) <= _LETTERS else f"{name[:_LETTERS]}…") for name in names[:_SHOWN]]
+    return ", ".join(shown) + (f" and {len(names) - _SHOWN:,} more" if len(names) > _SHOWN else "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,18 +42,22 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.symbolic.models import symbolic_model
     from identify.symbolic.rendering import render
 
-    print(render(symbolic_model(robot, options.what), options.format), end="")
+    found = symbolic_model(robot, options.what)
+    if not found.expressions and options.format in ("python", "c"):
+        raise InputError(f"{robot.name}: {options.what}: {found.notes[0]}; there is no formula to print")
+    print(render(found, options.format), end="")
     return 0
 
 
 def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Write a robot's models as C or Python that a controller can carry."""
-    from identify.codegen.generate import generate
+    from identify.cli.progress import progress_line
+    from identify.codegen.generate import generate, left_out
     from identify.logs.files import replacing
     from identify.robot.library import load_robot
 
     robot = load_robot(options.robot)
-    parameters = None
+    parameters = covariance = None
     if options.parameters is not None:
         from identify.estimation.identification import Identification
         from identify.regressor.regressor import Regressor
@@ -62,8 +67,12 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             raise InputError(
                 f"{options.parameters}: its parameters are those of {result.robot.name}, not of {robot.name}"
             )
-        parameters = result.parameters
-    files = generate(robot, options.language, parameters)
+        parameters, covariance = result.parameters, result.covariance
+    with progress_line(sys.stderr) as progress:
+        if progress is not None:
+            progress(0.0, "models (inverse geometry of arms without right angles takes some seconds)")
+        files = generate(robot, options.language, parameters, covariance)
+        missing = left_out(robot)
     folder = Path(options.output)
     there = [name for name in files if (folder / name).exists()]
     if there and not options.force:
@@ -78,6 +87,8 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         with replacing(folder / name) as stream:
             stream.write(text.encode())
         print(folder / name)
+    if missing is not None:
+        print(f"{robot.name}: inverse geometry is left out: {missing}", file=sys.stderr)
     return 0
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identify.codegen.inverse import Inverse, inverse, left_out
 from identify.regressor.columns import Column
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
@@ -45,18 +46,26 @@ class Function:
 
 @dataclass(frozen=True)
 class Models:
-    """All functions of a robot, and the values of their constants: theta (p,) and the dynamic ones {symbol: value}."""
+    """All functions of a robot, and the values of their constants: theta (p,) and the dynamic ones {symbol: value}.
+
+    covariance (p, p) of theta, where it was identified; origin: where theta comes from; inverse: the inverse
+    geometry, None where `left_out` says why there is none.
+    """
 
     robot: Robot
     regressor: Regressor
     theta: np.ndarray
+    covariance: np.ndarray | None
+    origin: str
     constants: dict[str, float]
     functions: tuple[Function, ...]
+    inverse: Inverse | None
+    left_out: str | None
 
 
-def models(robot: Robot, theta: np.ndarray) -> Models:
-    """Every model of `robot`, with parameters theta (p,) in the order of Regressor.names."""
-    regressor = Regressor(robot)
+def models(regressor: Regressor, theta: np.ndarray, covariance: np.ndarray | None, origin: str) -> Models:
+    """Every model of the regressor's robot, with parameters theta (p,) in the order of its names."""
+    robot = regressor.robot
     chosen = representative(robot)
     inertial = chosen.matrix @ theta[: len(regressor.base.names)]
     constants = {parameter_name(k): float(x) for k, x in zip(chosen.kept, inertial, strict=True)}
@@ -66,7 +75,8 @@ def models(robot: Robot, theta: np.ndarray) -> Models:
         inverse_dynamics, base_regressor, energy_functions, slotine_li, inertia_matrix, coriolis, gravity,
         direct_geometry, jacobian,
     )  # fmt: skip
-    return Models(robot, regressor, theta, constants, tuple(function(robot, regressor) for function in build))
+    functions = tuple(function(robot, regressor) for function in build)
+    return Models(robot, regressor, theta, covariance, origin, constants, functions, inverse(robot), left_out(robot))
 
 
 def _made(graph: Graph, entries: Mapping[int, Scalar]) -> dict[int, Expression]:

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
-import re
-import unicodedata
-
 import numpy as np
 
 from identify.codegen.c import c_files
 from identify.codegen.functions import models
+from identify.codegen.inverse import left_out
 from identify.codegen.python import python_files
-from identify.codegen.samples import samples
+from identify.codegen.samples import pose_samples, samples
+from identify.codegen.text import identifier
 from identify.errors import InputError
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 
+__all__ = ["LANGUAGES", "generate", "identifier", "left_out"]
+
 LANGUAGES = {"c": c_files, "python": python_files}
 
 
-def generate(robot: Robot, language: str = "c", parameters: np.ndarray | None = None) -> dict[str, str]:
+def generate(
+    robot: Robot, language: str = "c", parameters: np.ndarray | None = None, covariance: np.ndarray | None = None
+) -> dict[str, str]:
     """{file name: text} of the robot's models in C99 ("c": source and header) or Python ("python": one module).
 
-    parameters (p,) in the order of Regressor(robot).names; by default what the robot's description states. The text is
-    the same, byte by byte, whenever robot and parameters are. Raises InputError for another language, and where
-    parameters have another length or are not finite.
+    parameters (p,) in the order of Regressor(robot).names; by default what the robot's description states. covariance
+    (p, p) of parameters that were identified, written beside them. Inverse geometry is in the code unless `left_out`
+    says why not. The text is the same, byte by byte, whenever robot, parameters and covariance are. Raises InputError
+    for another language, and where parameters or covariance have another shape or are not finite.
     """
     if language not in LANGUAGES:
         raise InputError(f"language {language!r} is not known; choose one of {', '.join(LANGUAGES)}")
@@ -33,12 +37,13 @@ def generate(robot: Robot, language: str = "c", parameters: np.ndarray | None = 
         raise InputError(
             f"parameters of shape {theta.shape}; give {regressor.p} finite numbers, in the order of Regressor.names"
         )
-    made = models(robot, theta)
-    return LANGUAGES[language](made, samples(made), identifier(robot.name))
-
-
-def identifier(name: str) -> str:
-    """The robot's name as an identifier of both languages: "Stäubli RX-90" is staubli_rx_90."""
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    word = re.sub(r"[^a-z0-9]+", "_", plain.lower()).strip("_")
-    return word if word and word[0].isalpha() else f"robot_{word}".rstrip("_")
+    origin = "what the robot's description states" if parameters is None else "as given"
+    if covariance is not None:
+        origin = "identified, with their standard deviations and covariance"
+        covariance = np.asarray(covariance, dtype=float)
+        if covariance.shape != (regressor.p, regressor.p) or not np.isfinite(covariance).all():
+            raise InputError(
+                f"covariance of shape {covariance.shape}; give {regressor.p} by {regressor.p} finite numbers"
+            )
+    made = models(regressor, theta, covariance, origin)
+    return LANGUAGES[language](made, samples(made), pose_samples(made), identifier(robot.name))

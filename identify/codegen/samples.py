@@ -9,6 +9,7 @@ import numpy as np
 from identify.codegen.functions import Models
 from identify.robot.robot import Robot
 from identify.symbolic.chain import place
+from identify.symbolic.inverse_geometry import inverse_geometry
 
 COUNT = 3
 SEED = 0
@@ -56,6 +57,37 @@ def samples(models: Models) -> tuple[Sample, ...]:
         }
         found.append(Sample(signals, expected))
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class PoseSample:
+    """A pose (4, 4), the current position (n,) that reaches it, and what inverse geometry finds there.
+
+    q (k, n), inside (k,): all solutions and whether they are inside the limits; None at a pose that may be singular,
+    where rounding decides how many there are.
+    """
+
+    pose: np.ndarray
+    current: np.ndarray
+    q: np.ndarray | None
+    inside: np.ndarray | None
+
+
+def pose_samples(models: Models) -> tuple[PoseSample, ...]:
+    """COUNT random poses and that of all joints at zero, a singular one of many arms; none without inverse geometry."""
+    robot = models.robot
+    if models.inverse is None:
+        return ()
+    rng = np.random.default_rng(SEED)
+    found = []
+    for _ in range(COUNT):
+        current = np.round(rng.uniform(-1.5, 1.5, robot.n), 6)
+        pose, _ = _tool(robot, current)
+        solutions = inverse_geometry(robot, pose, current)
+        q, inside = np.array([s.q for s in solutions]), np.array([s.inside_limits for s in solutions])
+        found.append(PoseSample(pose, current, q, inside))
+    pose, _ = _tool(robot, np.zeros(robot.n))
+    return (*found, PoseSample(pose, np.zeros(robot.n), None, None))
 
 
 def _tool(robot: Robot, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

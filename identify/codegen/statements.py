@@ -68,11 +68,6 @@ def live_signs(function: Function) -> dict[str, tuple[float, ...]]:
     return {name: ratios for name, ratios in function.signs.items() if name in read}
 
 
-def title(text: str) -> str:
-    """A name as it may stand in a comment of any language."""
-    return "".join(c for c in text if c.isprintable() and c not in '*/\\"')
-
-
 def speed(ratios: tuple[float, ...]) -> str:
     """ratios · q̇ as text."""
     terms = [f"dq[{j}]" if r == 1.0 else f"{float(r)!r} * dq[{j}]" for j, r in enumerate(ratios) if r]

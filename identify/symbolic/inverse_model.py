@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from identify.errors import InputError
@@ -58,10 +58,11 @@ def symbolic_inverse_geometry(robot: Robot) -> SymbolicModel:
 
 def name_of(unknown: Unknown) -> str:
     """q2 for a joint, q23 for the sum q2 + q3, q2m3 for a difference."""
-    return f"q{unknown + 1}" if isinstance(unknown, int) else f"q{_label(unknown)}"
+    return f"q{unknown + 1}" if isinstance(unknown, int) else f"q{label_of(unknown)}"
 
 
-def _label(unknown: Unknown) -> str:
+def label_of(unknown: Unknown) -> str:
+    """2 for a joint, 23 for the sum q2 + q3, 2m3 for a difference."""
     return str(unknown + 1) if isinstance(unknown, int) else trigonometric(unknown)[0].name[1:]
 
 
@@ -104,7 +105,7 @@ def _shown(found: Plan, step: Step, k: int) -> str:
     return str(sympy.Mul(*(f for f, _ in factors if f.free_symbols - lengths)))
 
 
-def _compact(found: Plan, polynomial: Any) -> sympy.Expr:
+def compact(found: Plan, polynomial: Any) -> sympy.Expr:
     """The polynomial, factored where that is shorter."""
     import sympy
 
@@ -117,10 +118,10 @@ def _formulas(found: Plan, stage: Stage) -> tuple[dict[str, sympy.Expr], list[st
     import sympy
 
     step = stage.step
-    label = _label(step.unknown)
+    label = label_of(step.unknown)
     named = {f"B{chr(97 + k) if k else ''}{label}": part for k, part in enumerate(step.parts)}
-    own = {name: _compact(found, part) for name, part in named.items()}
-    parts = [_by_parts(found, p, named) for p in step.coefficients]
+    own = {name: compact(found, part) for name, part in named.items()}
+    parts = [by_parts(found, p, named) for p in step.coefficients]
     writers: dict[int, Callable] = {1: _type_1, 2: _type_2, 3: _type_3, 9: _type_9, 10: _type_10}
     formulas, inputs = writers[step.type](label, parts)
     own |= formulas
@@ -132,16 +133,16 @@ def _formulas(found: Plan, stage: Stage) -> tuple[dict[str, sympy.Expr], list[st
     return own, inputs
 
 
-def _by_parts(found: Plan, polynomial: Any, named: dict[str, Any]) -> sympy.Expr:
+def by_parts(found: Plan, polynomial: Any, named: Mapping[str, Any]) -> sympy.Expr:
     """The polynomial in powers of the named sums, if one of them makes it shorter."""
     import sympy
 
-    best = _compact(found, polynomial)
+    best = compact(found, polynomial)
     for name, part in named.items():
         terms, left, power = [], polynomial, 0
         while left:
             left, rest = left.div(part)
-            terms.append(_compact(found, rest) * sympy.Symbol(name) ** power)
+            terms.append(compact(found, rest) * sympy.Symbol(name) ** power)
             power += 1
         best = min(best, sympy.factor_terms(sympy.Add(*terms)), key=lambda e: e.count_ops())
     return best
@@ -240,7 +241,7 @@ def _limits_of_the_method(robot: Robot, found: Plan) -> list[str]:
             f"{why}: inverse_geometry searches numerically (damped Newton from many starts), and may miss solutions"
         )
     if robot.n < 6:
-        listed = "; ".join(f"{_compact(found, e.polynomial)} = 0" for e in found.conditions)
+        listed = "; ".join(f"{compact(found, e.polynomial)} = 0" for e in found.conditions)
         notes.append(
             f"{robot.n} joints for six coordinates: the pose must meet {6 - robot.n} conditions"
             + (f", among them {listed}" if listed else "")
@@ -252,4 +253,4 @@ def _limits_of_the_method(robot: Robot, found: Plan) -> list[str]:
 def conditions(robot: Robot) -> tuple[sympy.Expr, ...]:
     """What must vanish for a pose U0 of a robot of fewer than six joints, as far as it is free of joint variables."""
     found = plan(robot)
-    return tuple(_compact(found, equation.polynomial) for equation in found.conditions)
+    return tuple(compact(found, equation.polynomial) for equation in found.conditions)

@@ -13,6 +13,7 @@ from identify.logs.wording import counted, printable
 
 MOST_DROPPED = 0.05
 """Share of rows that may be dropped for being NaN, or for running backward in time."""
+_BLOCK = 1 << 14
 ABSURD = 1e9
 """A position, velocity or effort beyond this (SI) is a corrupt value, and counts as NaN."""
 
@@ -31,51 +32,64 @@ def clean(log: Log) -> Log:
     findings = list(log.findings)
     if not log.samples:
         raise LogError(f"{log.source}: holds no samples; record while the robot runs")
-    if not _usable(log.position).any():
+    usable = {name: _usable(values) for name, values in _channels(log).items()}
+    if not usable["position"].any():
         raise LogError(f"{log.source}: too many NaN: no position is a finite number; check the recording")
-    effort = _effort_or_none(log, findings)
-    finite = _finite_rows(replace(log, effort=effort), findings)
+    effort = log.effort
+    if effort is not None and not usable["effort"].any():
+        findings.append("no effort is a finite number, so the log counts as one without effort")
+        effort = None
+    finite = _finite_rows(replace(log, effort=effort), usable, findings)
     forward = _forward_rows(log, finite, findings)
-    kept = np.flatnonzero(finite)[forward]
-    whole = len(kept) == log.samples
-    pick = slice(None) if whole else kept
+    whole = bool(finite.all() and forward.all())
+    pick = slice(None) if whole else np.flatnonzero(finite)[forward]
+    origin = _origin(log, usable["position"])
     cleaned = replace(
         log,
         time=log.time[pick],
         position=log.position[pick],
         velocity=None if log.velocity is None else log.velocity[pick],
         effort=None if effort is None else effort[pick],
-        dropped=log.dropped + log.samples - len(kept),
     )
-    velocity = _usable_velocity(cleaned, findings)
-    return counted_from(replace(cleaned, velocity=velocity, findings=tuple(findings)), _origin(log, cleaned))
+    cleaned = replace(cleaned, dropped=log.dropped + log.samples - cleaned.samples)
+    velocity = _usable_velocity(cleaned, None if log.velocity is None else usable["velocity"][pick], findings)
+    cleaned = replace(cleaned, velocity=velocity, findings=tuple(findings))
+    return counted_from(cleaned, min(origin, float(cleaned.time[0])))
 
 
-def _origin(log: Log, cleaned: Log) -> float:
-    """Time of the first row that has a time and a position [s]."""
-    channels = log.position[:, _usable(log.position).any(axis=0)]
-    moving = np.isfinite(log.time) & _usable(channels).all(axis=1)
-    return float(min(cleaned.time[0], log.time[moving.argmax()]))
+def _channels(log: Log) -> dict[str, np.ndarray]:
+    named = {"position": log.position, "velocity": log.velocity, "effort": log.effort}
+    return {name: values for name, values in named.items() if values is not None}
+
+
+def _origin(log: Log, usable: np.ndarray) -> float:
+    """Time of the first row that has a time and a position [s]; usable (N, n): which positions are numbers."""
+    # A channel that holds nothing at all does not count.
+    moving = np.isfinite(log.time) & (usable | ~usable.any(axis=0)).all(axis=1)
+    return float(log.time[moving.argmax()])
 
 
 def _usable(values: np.ndarray) -> np.ndarray:
     """Which values are numbers that a robot can have."""
-    return np.isfinite(values) & (np.abs(values) <= ABSURD)
+    found = np.empty(values.shape, dtype=bool)
+    # A comparison with NaN is false. In blocks, as a whole column's copies would cost more than the log.
+    for start in range(0, len(values), _BLOCK):
+        part = slice(start, start + _BLOCK)
+        np.less_equal(np.abs(values[part]), ABSURD, out=found[part])
+    return found
 
 
-def _effort_or_none(log: Log, findings: list[str]) -> np.ndarray | None:
-    if log.effort is None or _usable(log.effort).any():
-        return log.effort
-    findings.append("no effort is a finite number, so the log counts as one without effort")
-    return None
-
-
-def _finite_rows(log: Log, findings: list[str]) -> np.ndarray:
+def _finite_rows(log: Log, usable: dict[str, np.ndarray], findings: list[str]) -> np.ndarray:
     """(N,) rows whose time, position and effort are finite; columns without a finite value do not count."""
-    channels = {"position": log.position} if log.effort is None else {"position": log.position, "effort": log.effort}
+    if log.effort is None:
+        usable = {"position": usable["position"]}
+    if np.isfinite(log.time).all() and all(usable[name].all() for name in usable if name != "velocity"):
+        return np.ones(log.samples, dtype=bool)
     bad = {"time": ~np.isfinite(log.time)}
-    for name, values in channels.items():
-        missing = ~_usable(values)
+    for name in ("position", "effort"):
+        if name not in usable:
+            continue
+        missing = ~usable[name]
         for joint, column in zip(log.joints, missing.T, strict=True):
             if column.all():
                 findings.append(f"the {name} of {printable(joint)} is NaN throughout")
@@ -97,11 +111,11 @@ def _finite_rows(log: Log, findings: list[str]) -> np.ndarray:
 
 def _forward_rows(log: Log, finite: np.ndarray, findings: list[str]) -> np.ndarray:
     """Which of the finite rows keep time strictly increasing."""
-    time = log.time[finite]
-    step = np.diff(time)
+    time = log.time if finite.all() else log.time[finite]
     keep = np.ones(len(time), dtype=bool)
-    if (step > 0).all():
+    if (time[1:] > time[:-1]).all():
         return keep
+    step = np.diff(time)
     repeated = np.concatenate([[False], step == 0])
     # A stamp ahead of its neighbours would take all that follow with it: it goes first.
     keep[1:-1] = ~((step[1:] < 0) & (time[2:] > time[:-2]))
@@ -123,13 +137,11 @@ def _forward_rows(log: Log, finite: np.ndarray, findings: list[str]) -> np.ndarr
     return keep
 
 
-def _usable_velocity(log: Log, findings: list[str]) -> np.ndarray | None:
+def _usable_velocity(log: Log, usable: np.ndarray | None, findings: list[str]) -> np.ndarray | None:
     """The velocity without gaps; None where it is better derived from position altogether."""
-    if log.velocity is None:
-        return None
-    missing = ~_usable(log.velocity)
-    if not missing.any():
+    if log.velocity is None or usable is None or usable.all():
         return log.velocity
+    missing = ~usable
     share = missing.any(axis=1).mean()
     if missing.all():
         findings.append("the velocity is NaN throughout and is derived from position")

@@ -179,7 +179,7 @@ def _none_if_empty(values: list[Any]) -> list[Any]:
 def _json_time(value: Any) -> int:
     """Time [ns] of {"sec": …, "nanosec" or "nsec": …} or of seconds; 0 where there is none."""
     if isinstance(value, dict):
-        return int(value.get("sec", 0)) * _SECOND + int(value.get("nanosec", value.get("nsec", 0)))
+        return int(value.get("sec", 0)) * _SECOND + int(value.get("nanosec") or value.get("nsec") or 0)
     if isinstance(value, int | float) and not isinstance(value, bool):
         return round(value * _SECOND)
     if isinstance(value, str):

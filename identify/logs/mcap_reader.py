@@ -122,9 +122,7 @@ def _refuse_other(path: Path) -> None:
     from identify.logs.mcap_records import is_mcap
 
     if not is_mcap(path):
-        raise LogError(
-            f"{path}: is not an MCAP file (it does not start as one); a table needs the suffix .csv or .npz"
-        )
+        raise LogError(f"{path}: is not an MCAP file (it does not start as one); a table needs the suffix .csv or .npz")
 
 
 def _gather(path: Path, found: _Gathered) -> None:
@@ -201,9 +199,7 @@ def _take_in(
             series.add(block, share, most)
 
 
-def _series(
-    topic: str, kind: Kind, names: frozenset[str], joints: tuple[str, ...], found: _Gathered
-) -> Series | None:
+def _series(topic: str, kind: Kind, names: frozenset[str], joints: tuple[str, ...], found: _Gathered) -> Series | None:
     """The series of this publisher; None where there are more than anyone has."""
     if (topic, names) not in found.series:
         if len(found.series) == _SERIES_KEPT:

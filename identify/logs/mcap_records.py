@@ -196,9 +196,7 @@ def _next_chunk(stream: BinaryIO, start: int, stop: int) -> int | None:
         stream.seek(window)
         # Windows overlap, so that no head is cut in two.
         data = stream.read(step + 2 * _CHUNK_HEAD.size + RECORD_HEAD.size)
-        places = sorted(
-            found.start() - _NAME_AT for found in _COMPRESSED.finditer(data) if found.start() >= _NAME_AT
-        )
+        places = sorted(found.start() - _NAME_AT for found in _COMPRESSED.finditer(data) if found.start() >= _NAME_AT)
         for place in places:
             opcode, length = RECORD_HEAD.unpack_from(data, place)
             body = data[place + RECORD_HEAD.size : place + RECORD_HEAD.size + 2 * _CHUNK_HEAD.size]

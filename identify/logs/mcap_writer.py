@@ -1,7 +1,7 @@
-"""A Log as an MCAP file that ROS 2 tools, PlotJuggler and Foxglove read.
+"""Joint states as an MCAP file that ROS 2 tools, PlotJuggler and Foxglove read, written while they come.
 
 Every chunk carries its own schema and channel, so that each one can be read alone, and spans less than
-half a second of a six-axis arm at 1 kHz, which is what a cut file can lose at most.
+half a second, which is what a file can lose at most whose writer is killed.
 """
 
 from __future__ import annotations
@@ -9,16 +9,16 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
-from identify import __version__
 from identify.errors import OutputError
 from identify.logs import joint_state
-from identify.logs.files import replacing
+from identify.logs.files import growing
 from identify.logs.log import START_TIME, Log
+from identify.logs.mcap_file import McapFile, packed
 
 TOPIC = "/joint_states"
 PROVENANCE = "identify"
@@ -26,8 +26,9 @@ PROVENANCE = "identify"
 DEFAULT_START_NS = 1_577_836_800 * joint_state.NANOSECONDS
 """2020-01-01 00:00 UTC, the first stamp of a log without absolute time: the same log makes the same file."""
 
-MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 128 * 1024
+CHUNK_SPAN = 450_000_000
+"""A chunk ends at so many bytes, or when so much time has passed since its first message [ns]."""
 MESSAGE_HEAD = 31
 _CHANNEL_ID = 1
 _SCHEMA_ID = 1
@@ -63,150 +64,153 @@ def write_mcap(
     """
     if log.samples == 0 or not log.joints:
         raise OutputError(f"{path}: the log holds no samples or no joints, so there is nothing to write")
-    if start_ns is None:
-        start_ns = _start_of(log)
-    stamp = start_ns + np.round(np.asarray(log.time, dtype=float) * joint_state.NANOSECONDS).astype(np.int64)
-    if stamp.min() < 0 or stamp.max() >= _LATEST_STAMP:
-        raise OutputError(f"{path}: its times do not fit a ROS 2 stamp (1970 to 2038); times count seconds from zero")
-    with replacing(path) as stream:
-        for part in _file(log, stamp, dict(attachments or {})):
-            stream.write(part)
+    channels = [name for name in ("velocity", "effort") if getattr(log, name) is not None]
+    with recording(path, log.joints, channels, log.metadata, attachments, start_ns) as recorder:
+        recorder.append(log.time, log.position, log.velocity, log.effort)
 
 
-def _start_of(log: Log) -> int:
-    text = log.metadata.get(START_TIME, "")
-    return int(text) if text.isdecimal() else DEFAULT_START_NS
+@contextmanager
+def recording(
+    path: str | os.PathLike[str],
+    joints: Sequence[str],
+    channels: Sequence[str] = ("velocity", "effort"),
+    metadata: Mapping[str, str] | None = None,
+    attachments: Mapping[str, bytes] | None = None,
+    start_ns: int | None = None,
+) -> Iterator[Recorder]:
+    """A recorder that writes joint states to `path` as they come, and makes it a whole file at the end.
+
+    channels: which of velocity and effort will come. Until the end the file is called `path` + ".partial": whoever is
+    killed leaves it readable, without the last half second at most, and an older `path` as it was. After an error
+    the partial file goes. Raises OutputError where the file can't be written, or is being written already.
+    """
+    start = _start_of(metadata or {}) if start_ns is None else start_ns
+    with growing(path) as stream:
+        file = McapFile(stream)
+        # Before the chunks, so that a cut file keeps its provenance.
+        file.metadata(PROVENANCE, {str(k): str(v) for k, v in (metadata or {}).items() if k != START_TIME})
+        for name, data in (attachments or {}).items():
+            file.attachment(name, data, start)
+        stream.flush()
+        recorder = Recorder(file, str(path), tuple(joints), tuple(channels), start)
+        yield recorder
+        recorder.close()
 
 
-def _file(log: Log, stamp: np.ndarray, attachments: dict[str, bytes]) -> Iterator[bytes]:
-    """The file's bytes, in order; the index at its end knows the offset of every record before it."""
-    from mcap.data_stream import RecordBuilder
-    from mcap.opcode import Opcode
-    from mcap.records import (
-        Attachment,
-        AttachmentIndex,
-        Channel,
-        ChunkIndex,
-        DataEnd,
-        Footer,
-        Header,
-        McapRecord,
-        Metadata,
-        MetadataIndex,
-        Schema,
-        Statistics,
-        SummaryOffset,
-    )
+class Recorder:
+    """Takes joint states and hands every full chunk on; made by `recording`."""
 
-    def packed(*records: McapRecord) -> bytes:
-        builder = RecordBuilder()
-        for record in records:
-            record.write(builder)
-        return builder.end()
+    def __init__(
+        self, file: McapFile, path: str, joints: tuple[str, ...], channels: tuple[str, ...], start_ns: int
+    ) -> None:
+        import zstandard
+        from mcap.records import Channel, Schema
 
-    qos = {"offered_qos_profiles": _QOS_PROFILES}
-    schema = Schema(_SCHEMA_ID, joint_state.DEFINITION.encode(), "ros2msg", joint_state.NAMES[0])
-    channel = Channel(_CHANNEL_ID, TOPIC, "cdr", qos, _SCHEMA_ID)
-    first, last = int(stamp.min()), int(stamp.max())
+        qos = {"offered_qos_profiles": _QOS_PROFILES}
+        self._schema = Schema(_SCHEMA_ID, joint_state.DEFINITION.encode(), "ros2msg", joint_state.NAMES[0])
+        self._channel = Channel(_CHANNEL_ID, TOPIC, "cdr", qos, _SCHEMA_ID)
+        self._preamble = packed(self._schema, self._channel)
+        self._file = file
+        self._path = path
+        self._names = ("position", *channels)
+        self._layout = joint_state.layout(joints, "velocity" in channels, "effort" in channels)
+        self._shape = len(joints)
+        self._start = start_ns
+        self._compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
+        self._pending: list[tuple[np.ndarray, dict[str, np.ndarray]]] = []
+        self._held = 0
+        self._first = 0
+        self._sequence = 0
 
-    at = 0
-    for part in (MAGIC, packed(Header("ros2", f"identify {__version__}"))):
-        at += len(part)
-        yield part
+    def append(
+        self,
+        time: np.ndarray,
+        position: np.ndarray,
+        velocity: np.ndarray | None = None,
+        effort: np.ndarray | None = None,
+    ) -> None:
+        """Take k samples: time (k,) [s from the start], position and the channels announced (k, n)."""
+        stamp = self._start + np.round(np.asarray(time, dtype=float) * joint_state.NANOSECONDS).astype(np.int64)
+        if not len(stamp):
+            return
+        if stamp.min() < 0 or stamp.max() >= _LATEST_STAMP:
+            raise OutputError(
+                f"{self._path}: its times do not fit a ROS 2 stamp (1970 to 2038); times count seconds from zero"
+            )
+        given = {"position": position, "velocity": velocity, "effort": effort}
+        values = {name: value for name, value in given.items() if value is not None}
+        if set(values) != set(self._names) or any(v.shape != (len(stamp), self._shape) for v in values.values()):
+            raise OutputError(f"{self._path}: samples need {', '.join(self._names)} of {self._shape} joints, each time")
+        if not self._pending:
+            self._first = int(stamp[0])
+        # Copied, as whoever hands over samples one by one may use the same array again.
+        self._pending.append((stamp, values if len(stamp) > 1 else {k: v.copy() for k, v in values.items()}))
+        self._held += len(stamp)
+        if self._held >= self._rows or abs(int(stamp[-1]) - self._first) >= CHUNK_SPAN or len(stamp) > 1:
+            self._write_full(last=False)
 
-    # Before the chunks, so that a cut file keeps its provenance.
-    provenance = {str(k): str(v) for k, v in log.metadata.items() if k != START_TIME}
-    part = packed(Metadata(PROVENANCE, provenance))
-    metadata_index = [MetadataIndex(at, len(part), PROVENANCE)]
-    at += len(part)
-    yield part
+    def close(self) -> None:
+        """Write what is left, and the index."""
+        self._write_full(last=True)
+        self._file.finish([self._schema], [self._channel])
 
-    attachment_index = []
-    for name, data in attachments.items():
-        kind = "application/toml" if Path(name).suffix == ".toml" else "application/octet-stream"
-        part = packed(Attachment(first, first, name, kind, bytes(data)))
-        attachment_index.append(AttachmentIndex(at, len(part), first, first, len(data), name, kind))
-        at += len(part)
-        yield part
+    @property
+    def _rows(self) -> int:
+        return max(1, (CHUNK_BYTES - len(self._preamble)) // (MESSAGE_HEAD + self._layout.template.size))
 
-    chunk_index = []
-    for chunk, index, start, stop, size in _chunks(log, stamp, packed(schema, channel)):
-        compressed = len(chunk) - _CHUNK_HEAD.size
-        offsets = {_CHANNEL_ID: at + len(chunk)}
-        entry = ChunkIndex(len(chunk), at, "zstd", compressed, stop, len(index), offsets, start, size)
-        chunk_index.append(entry)
-        at += len(chunk) + len(index)
-        yield chunk
-        yield index
+    def _write_full(self, last: bool) -> None:
+        """Write every chunk that is full, or all."""
+        if not self._pending:
+            return
+        stamp, values = self._pending[0]
+        if len(self._pending) > 1:
+            stamp = np.concatenate([part for part, _ in self._pending])
+            values = {name: np.concatenate([part[name] for _, part in self._pending]) for name in values}
+        begin = 0
+        while begin < len(stamp):
+            window = stamp[begin : begin + self._rows]
+            late = np.abs(window - window[0]) >= CHUNK_SPAN
+            count = int(late.argmax()) if late.any() else len(window)
+            if not last and count == len(window) < self._rows:
+                break
+            part = slice(begin, begin + count)
+            self._write_chunk(stamp[part], {name: value[part] for name, value in values.items()})
+            begin += count
+        rest = slice(begin, None)
+        self._held = len(stamp) - begin
+        kept = {name: value[rest].copy() for name, value in values.items()}
+        self._pending = [(stamp[rest].copy(), kept)] if self._held else []
+        self._first = int(stamp[begin]) if self._held else 0
 
-    part = packed(DataEnd(0))
-    at += len(part)
-    yield part
-
-    counts = {_CHANNEL_ID: log.samples}
-    statistics = Statistics(len(attachments), 1, counts, len(chunk_index), log.samples, last, first, 1, 1)
-    groups: dict[Opcode, list[McapRecord]] = {
-        Opcode.SCHEMA: [schema],
-        Opcode.CHANNEL: [channel],
-        Opcode.STATISTICS: [statistics],
-        Opcode.CHUNK_INDEX: [*chunk_index],
-        Opcode.ATTACHMENT_INDEX: [*attachment_index],
-        Opcode.METADATA_INDEX: [*metadata_index],
-    }
-    summary, shortcuts = b"", b""
-    for opcode, records in groups.items():
-        group = packed(*records)
-        if group:
-            shortcuts += packed(SummaryOffset(opcode, at + len(summary), len(group)))
-            summary += group
-    offsets_at = at + len(summary)
-    summary += shortcuts
-    head = struct.pack("<BQQQ", Opcode.FOOTER, 20, at, offsets_at)
-    yield summary
-    yield packed(Footer(at, offsets_at, zlib.crc32(head, zlib.crc32(summary))))
-    yield MAGIC
-
-
-_CHUNK_HEAD = struct.Struct("<BQQQQII4sQ")
-"""Opcode, length, first and last log time, size, checksum, "zstd" with its length, length of what follows."""
-
-
-def _chunks(log: Log, stamp: np.ndarray, preamble: bytes) -> Iterator[tuple[bytes, bytes, int, int, int]]:
-    """Every chunk record with its message index record, first and last time [ns] and uncompressed size."""
-    import zstandard
-
-    compress = zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
-    known = joint_state.layout(log.joints, log.velocity is not None, log.effort is not None)
-    length = MESSAGE_HEAD + known.template.size
-    head = np.dtype(
-        {
-            "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
-            "formats": ["u1", "<u8", "<u2", "<u4", "<u8", "<u8"],
-            "offsets": [0, 1, 9, 11, 15, 23],
-            "itemsize": MESSAGE_HEAD,
-        }
-    )
-    rows = max(1, (CHUNK_BYTES - len(preamble)) // length)
-    for begin in range(0, log.samples, rows):
-        part = slice(begin, begin + rows)
-        times = stamp[part]
+    def _write_chunk(self, times: np.ndarray, values: dict[str, np.ndarray]) -> None:
+        length = MESSAGE_HEAD + self._layout.template.size
         messages = np.empty((len(times), length), dtype=np.uint8)
-        heads = messages[:, :MESSAGE_HEAD].view(head)[:, 0]
+        heads = messages[:, :MESSAGE_HEAD].view(_MESSAGE_DTYPE)[:, 0]
         heads["opcode"], heads["length"], heads["channel"] = 5, length - 9, _CHANNEL_ID
-        heads["sequence"] = np.arange(begin, begin + len(times))
+        heads["sequence"] = np.arange(self._sequence, self._sequence + len(times))
         heads["log_time"] = heads["publish_time"] = times
-        values = {
-            "position": log.position[part],
-            "velocity": None if log.velocity is None else log.velocity[part],
-            "effort": None if log.effort is None else log.effort[part],
-        }
-        joint_state.encode(known, messages[:, MESSAGE_HEAD:], times, values)
-        content = preamble + messages.tobytes()
-        data = compress(content)
-        start, stop = int(times.min()), int(times.max())
-        chunk = _CHUNK_HEAD.pack(
-            6, _CHUNK_HEAD.size - 9 + len(data), start, stop, len(content), zlib.crc32(content), 4, b"zstd", len(data)
-        )
-        entries = np.column_stack([times, len(preamble) + length * np.arange(len(times))]).astype("<u8").tobytes()
-        index = struct.pack("<BQHI", 7, 6 + len(entries), _CHANNEL_ID, len(entries)) + entries
-        yield chunk + data, index, start, stop, len(content)
+        joint_state.encode(self._layout, messages[:, MESSAGE_HEAD:], times, {**values})
+        content = self._preamble + messages.tobytes()
+        data = self._compress(content)
+        span = int(times.min()), int(times.max())
+        body = _CHUNK_HEAD.pack(*span, len(content), zlib.crc32(content), 4, b"zstd", len(data)) + data
+        entries = np.column_stack([times, len(self._preamble) + length * np.arange(len(times))])
+        self._file.chunk(body, span, "zstd", (len(content), len(data)), {_CHANNEL_ID: entries})
+        self._sequence += len(times)
+
+
+_CHUNK_HEAD = struct.Struct("<QQQII4sQ")
+"""First and last log time, size, checksum, "zstd" with its length, length of what follows."""
+_MESSAGE_DTYPE = np.dtype(
+    {
+        "names": ["opcode", "length", "channel", "sequence", "log_time", "publish_time"],
+        "formats": ["u1", "<u8", "<u2", "<u4", "<u8", "<u8"],
+        "offsets": [0, 1, 9, 11, 15, 23],
+        "itemsize": MESSAGE_HEAD,
+    }
+)
+
+
+def _start_of(metadata: Mapping[str, str]) -> int:
+    text = metadata.get(START_TIME, "")
+    return int(text) if text.isdecimal() else DEFAULT_START_NS

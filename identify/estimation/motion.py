@@ -12,6 +12,9 @@ from identify.logs.log import Log
 JITTER = 0.02
 """Steps that differ from the mean step by more than this share of it are resampled onto the mean step."""
 
+REACH = 2.0
+"""How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -56,10 +59,30 @@ def uniform(log: Log, *channels: np.ndarray, jitter: float = JITTER) -> tuple[np
 
 
 def differentiated(position: np.ndarray, cutoff: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, q̇, q̈ (N, n) of a position (N, n) low-passed at `cutoff` [Hz]; derivatives by central differences."""
-    q = low_pass(position, cutoff, rate)
+    """q, q̇, q̈ (N, n) of a position (N, n) low-passed at `cutoff` [Hz]; derivatives by central differences.
+
+    Before the filter the record goes on at both ends as the parabola that it follows there: the filter's own
+    continuation, a reflection, has no acceleration at the end, which a log cut out of a motion does have.
+    """
+    ahead = min(round(REACH * rate / cutoff), len(position) - 1)
+    longer = np.concatenate([continuation(position, ahead)[::-1], position, continuation(position[::-1], ahead)])
+    q = low_pass(longer, cutoff, rate)
     dq = np.gradient(q, 1 / rate, axis=0)
-    return q, dq, np.gradient(dq, 1 / rate, axis=0)
+    inside = slice(ahead, ahead + len(position))
+    return q[inside], dq[inside], np.gradient(dq, 1 / rate, axis=0)[inside]
+
+
+def continuation(x: np.ndarray, length: int) -> np.ndarray:
+    """(length, n): how x (N, n), N > length, went on before its first row, the row next to it first.
+
+    The parabola fitted over half the length, and what it leaves of x reflected at the end, point and sign.
+    """
+    rows = np.arange(length + 1) / max(length, 1)
+    fitted = max(length // 2 + 1, 4)
+    basis = np.vander(rows, 3, increasing=True)
+    parabola = np.linalg.lstsq(basis[:fitted], x[: min(fitted, length + 1)], rcond=None)[0]
+    rest = x[: length + 1] - basis @ parabola
+    return np.vander(-rows[1:], 3, increasing=True) @ parabola + 2 * rest[0] - rest[1:]
 
 
 def motion_of(log: Log, cutoff: float) -> Motion:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.estimation.motion import decimated, differentiated, low_pass, motion_of, uniform
+from identify.estimation.motion import continuation, decimated, differentiated, low_pass, motion_of, uniform
 from identify.logs.log import Log
 
 RATE = 500.0
@@ -50,6 +50,29 @@ def test_derivatives_of_a_sinusoid_converge_with_the_square_of_the_step() -> Non
     np.testing.assert_allclose(errors[0][1:], [omega * (omega / 100) ** 2 / 6, omega**2 * (omega / 100) ** 2 / 3], 0.02)
     np.testing.assert_allclose(np.divide(errors[0][1:], errors[1][1:]), 4.0, rtol=0.02)
     assert errors[0][0] < 1e-6
+
+
+@pytest.mark.parametrize(("cutoff", "share"), [(15.0, 0.3), (40.0, 0.15)])
+def test_a_motion_cut_anywhere_keeps_its_acceleration_to_the_ends(cutoff: float, share: float) -> None:
+    """A reflected record would have none there, an error of the whole acceleration."""
+    for start in (0.0, 0.31, 0.9):
+        t = start + np.arange(0, 3, 1 / RATE)
+        omega = 2 * np.pi * np.array([0.5, 1.3])
+        q, dq, ddq = differentiated(np.sin(np.outer(t, omega)), cutoff, RATE)
+        exact = np.sin(np.outer(t, omega)), omega * np.cos(np.outer(t, omega)), -(omega**2) * np.sin(np.outer(t, omega))
+        for got, wanted, part in zip((q, dq, ddq), exact, (0.01, 0.1, 1.0), strict=True):
+            assert np.all(np.abs(got - wanted).max(axis=0) < part * share * np.abs(wanted).max(axis=0))
+
+
+def test_a_parabola_goes_on_as_itself_and_any_record_is_continued() -> None:
+    t = np.arange(200.0)
+    x = np.column_stack([3 - 0.2 * t + 0.01 * t**2, 1 + 0.5 * t])
+    before = -np.arange(1.0, 61.0)
+    np.testing.assert_allclose(
+        continuation(x, 60), np.column_stack([3 - 0.2 * before + 0.01 * before**2, 1 + 0.5 * before]), atol=1e-9
+    )
+    for length in range(2, 30):
+        assert all(part.shape == (length, 1) for part in differentiated(np.linspace(0, 1, length)[:, None], 10.0, RATE))
 
 
 def test_an_even_clock_is_left_alone() -> None:

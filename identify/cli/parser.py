@@ -10,7 +10,18 @@ from identify import __version__
 
 ESTIMATORS = ("ols", "wls")
 NOISES = ("none", "standard", "high")
-WHAT = ("base-parameters", "direct-geometry", "inverse-geometry", "jacobian", "operations")
+WHAT = (
+    "base-parameters",
+    "direct-geometry",
+    "inverse-geometry",
+    "jacobian",
+    "inverse-kinematics",
+    "lagrange",
+    "newton-euler",
+    "direct-dynamics",
+    "energy",
+    "operations",
+)
 FORMATS = ("text", "latex", "python", "c", "json")
 
 _ROBOT = "built-in name (rx90, tx40), or a .toml or .urdf file"
@@ -226,9 +237,18 @@ def _model(commands: Any) -> None:
         commands,
         "model",
         "print a symbolic model of a robot",
-        "WHAT is base-parameters, direct-geometry (pose of the tool in the world), inverse-geometry (by Paul's\n"
-        "method), jacobian (with its determinant and singular configurations) or operations (what each model\n"
-        "costs). Lengths stay letters where the robot file names them.",
+        "WHAT is one of\n"
+        "  base-parameters     what can be identified, and how standard parameters are regrouped\n"
+        "  direct-geometry     pose of the tool in the world\n"
+        "  inverse-geometry    joint positions for a pose, by Paul's method\n"
+        "  jacobian            with its determinant and singular configurations\n"
+        "  inverse-kinematics  joint velocities for a velocity of the last link\n"
+        "  lagrange            energies, A, C, Q, friction and effort, in standard parameters\n"
+        "  newton-euler        effort by a customised recurrence, in base parameters\n"
+        "  direct-dynamics     joint accelerations for an effort\n"
+        "  energy              energy functions of the base parameters\n"
+        "  operations          what each model costs\n"
+        "Lengths stay letters where the robot file names them.",
         "identify model rx90 --what inverse-geometry --format python",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)

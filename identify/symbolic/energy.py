@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from identify.robot.robot import Robot
-from identify.symbolic.chain import Mat, SymbolicLink, Vec, dot, symbolic_links
+from identify.symbolic.chain import Mat, SymbolicLink, Vec, add, dot, symbolic_links
 from identify.symbolic.expression import Graph, Scalar
 
 
@@ -24,13 +26,29 @@ def energy_functions(link: SymbolicLink) -> tuple[Scalar, ...]:
     )
 
 
-def energy_regressor(graph: Graph, robot: Robot) -> list[Scalar]:
-    """(11 n,) energy functions of every standard parameter, ½·q̇_j² for Ia_j, in the order of standard_names."""
+def energy_regressor(graph: Graph, robot: Robot, letters: bool = False) -> list[Scalar]:
+    """(11 n,) energy functions of every standard parameter, ½·q̇_j² for Ia_j, in the order of standard_names.
+
+    `letters`: lengths the robot names stay symbols, and gravity is G1 G2 G3.
+    """
     rows: list[Scalar] = []
-    for j, link in enumerate(symbolic_links(graph, robot)):
+    for j, link in enumerate(_lettered_links(graph, robot) if letters else symbolic_links(graph, robot)):
         dq = graph.symbol(f"dq{j + 1}")
         rows += [*energy_functions(link), 0.5 * dq * dq]
     return rows
+
+
+def _lettered_links(graph: Graph, robot: Robot) -> list[SymbolicLink]:
+    """The links with letters for lengths and gravity: what is linear in 0g, from one unit of it along each axis."""
+    links = symbolic_links(graph, replace(robot, gravity=(0.0, 0.0, 0.0)), letters=True)
+    for axis, present in enumerate(robot.gravity):
+        if present:
+            unit = (float(axis == 0), float(axis == 1), float(axis == 2))
+            letter = graph.symbol(f"G{axis + 1}")
+            for j, part in enumerate(symbolic_links(graph, replace(robot, gravity=unit), letters=True)):
+                down = add(links[j].gravity, tuple(letter * x for x in part.gravity))  # type: ignore[arg-type]
+                links[j] = replace(links[j], gravity=down, height=links[j].height + letter * part.height)
+    return links
 
 
 def inertia_transform(rotation: Mat, position: Vec) -> list[list[Scalar]]:

@@ -55,11 +55,46 @@ def _jacobian(robot: Robot) -> SymbolicModel:
     return symbolic_jacobian(robot)
 
 
+def _inverse_kinematics(robot: Robot) -> SymbolicModel:
+    from identify.symbolic.inverse_kinematics import symbolic_inverse_kinematics
+
+    return symbolic_inverse_kinematics(robot)
+
+
+def _lagrange(robot: Robot) -> SymbolicModel:
+    from identify.symbolic.lagrange import symbolic_lagrange
+
+    return symbolic_lagrange(robot)
+
+
+def _newton_euler(robot: Robot) -> SymbolicModel:
+    from identify.symbolic.inverse_dynamics import symbolic_newton_euler
+
+    return symbolic_newton_euler(robot)
+
+
+def _direct_dynamics(robot: Robot) -> SymbolicModel:
+    from identify.symbolic.direct_dynamics import symbolic_direct_dynamics
+
+    return symbolic_direct_dynamics(robot)
+
+
+def _energy(robot: Robot) -> SymbolicModel:
+    from identify.symbolic.energy_model import symbolic_energy
+
+    return symbolic_energy(robot)
+
+
 MODELS: dict[str, Callable[[Robot], SymbolicModel]] = {
     "base-parameters": base_parameter_model,
     "direct-geometry": _direct_geometry,
     "inverse-geometry": _inverse_geometry,
     "jacobian": _jacobian,
+    "inverse-kinematics": _inverse_kinematics,
+    "lagrange": _lagrange,
+    "newton-euler": _newton_euler,
+    "direct-dynamics": _direct_dynamics,
+    "energy": _energy,
 }
 """What `identify model --what` offers as named expressions; the table of operations is apart."""
 
@@ -69,6 +104,10 @@ def symbolic_model(robot: Robot, what: str) -> SymbolicModel:
     if what not in MODELS:
         raise InputError(f"what is {what!r}; choose one of {', '.join(MODELS)}")
     try:
-        return MODELS[what](robot)
+        model = MODELS[what](robot)
     except ValueError as error:
         raise InputError(f"{robot.name}: {what}: {error}") from error
+    twice = sorted({*model.expressions, *model.inputs} & {name for name, _ in model.lengths})
+    if twice:
+        raise InputError(f"{robot.name}: {what} has a variable {twice[0]}; give the length of that name another letter")
+    return model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 from identify.robot.robot import Robot
 from identify.symbolic.chain import SymbolicLink, Vec, add, cross, dot, symbolic_links
@@ -57,10 +57,9 @@ def torque_regressor(graph: Graph, robot: Robot, columns: Iterable[int]) -> dict
     return entries
 
 
-def direct_torque(graph: Graph, robot: Robot, standard: list[Scalar]) -> list[Scalar]:
-    """(n,) rigid-body torque Γ for the (11 n,) standard parameters by the backward recurrence [2.86]–[2.89]."""
-    links = symbolic_links(graph, robot)
-    n = robot.n
+def link_wrenches(robot: Robot, links: Sequence[SymbolicLink], standard: Sequence[Scalar]) -> list[tuple[Vec, Vec]]:
+    """Force f_j and moment m_j about O_j that each link gets from the one before it, in R_j, for the (11 n,) standard
+    parameters, by the backward recurrence [2.86]–[2.88]."""
     force: list[Vec] = []
     moment: list[Vec] = []
     for j, link in enumerate(links):
@@ -72,13 +71,20 @@ def direct_torque(graph: Graph, robot: Robot, standard: list[Scalar]) -> list[Sc
             m = add(m, tuple(p * x for x in column_m))  # type: ignore[arg-type]
         force.append(f)
         moment.append(m)
-    torque: list[Scalar] = [0] * n
-    for j in reversed(range(n)):
-        link, joint = links[j], robot.joints[j]
-        torque[j] = (moment if joint.revolute else force)[j][2] + standard[11 * j + 10] * graph.symbol(f"ddq{j + 1}")
-        if joint.parent >= 0:
+    for j in reversed(range(robot.n)):
+        link, parent = links[j], robot.joints[j].parent
+        if parent >= 0:
             f = tuple(dot(row, force[j]) for row in link.rotation)  # type: ignore[assignment]
             m = tuple(dot(row, moment[j]) for row in link.rotation)  # type: ignore[assignment]
-            force[joint.parent] = add(force[joint.parent], f)
-            moment[joint.parent] = add(moment[joint.parent], m, cross(link.position, f))
-    return torque
+            force[parent] = add(force[parent], f)
+            moment[parent] = add(moment[parent], m, cross(link.position, f))
+    return list(zip(force, moment, strict=True))
+
+
+def direct_torque(graph: Graph, robot: Robot, standard: list[Scalar]) -> list[Scalar]:
+    """(n,) rigid-body torque Γ for the (11 n,) standard parameters [2.89]."""
+    wrenches = link_wrenches(robot, symbolic_links(graph, robot), standard)
+    return [
+        (moment if joint.revolute else force)[2] + standard[11 * j + 10] * graph.symbol(f"ddq{j + 1}")
+        for j, (joint, (force, moment)) in enumerate(zip(robot.joints, wrenches, strict=True))
+    ]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import json
-import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -17,72 +16,107 @@ from identify.errors import InputError
 from identify.robot.library import load_robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.geometry import direct_geometry
+from identify.symbolic.model import SymbolicModel
 from identify.symbolic.models import MODELS, symbolic_model
-from identify.symbolic.rendering import FORMATS, render
+from identify.symbolic.rendering import FORMATS, arguments, render
 
 Q = np.array([0.3, -0.7, 1.1, 0.4, -0.9, 0.2])
 
 
-def arguments(what: str) -> list[float]:
-    """Values of a model's inputs at which all of it is real: standard parameters, joints or a reachable pose."""
+@pytest.fixture(scope="module")
+def models() -> dict[str, SymbolicModel]:
+    return {what: symbolic_model(load_robot("rx90"), what) for what in MODELS}
+
+
+def inputs(model: SymbolicModel) -> list[float]:
+    """Values of a model's inputs at which all of it is real: standard parameters, a reachable pose or a motion."""
     robot = load_robot("rx90")
-    model = symbolic_model(robot, what)
-    if what == "base-parameters":
+    if model.what == "base-parameters":
         values = dict(zip(robot.standard_names, robot.standard, strict=True))
         return [float(values[name]) for name in model.inputs]
-    if what == "inverse-geometry":
+    if model.what == "inverse-geometry":
         pose = direct_geometry(robot, Q[None])[0]
-        signs = len(model.inputs) - 12
-        return [*(float(pose[i, k]) for k in range(4) for i in range(3)), *[1.0] * signs]
-    return [float(x) for x in Q]
+        return [*(float(pose[i, k]) for k in range(4) for i in range(3)), *[1.0] * (len(model.inputs) - 12)]
+    return [*Q, *np.random.default_rng(3).normal(size=len(model.inputs) - 6)]
 
 
-def by_python(text: str, what: str) -> dict[str, float]:
+def calls(model: SymbolicModel) -> list[float | list[float]]:
+    """The inputs as the printed function takes them: signals as lists, others as numbers."""
+    values, found = iter(inputs(model)), []
+    for argument, names in arguments(model):
+        own = [next(values) for _ in names]
+        found.append(own if (argument,) != names else own[0])
+    return found
+
+
+def by_python(model: SymbolicModel) -> dict[str, float]:
+    """Every entry of every result by name."""
     space: dict = {}
-    exec(text, space)
-    return space[what.replace("-", "_")](*arguments(what))
+    exec(render(model, "python"), space)
+    answer = space[model.what.replace("-", "_")](*calls(model))
+    if not model.results:
+        return answer
+    if len(model.results) == 1:
+        answer = {model.results[0].name: answer}
+    flat = {r.name: np.ravel(answer[r.name]) for r in model.results}
+    for r in model.results:
+        assert np.shape(answer[r.name]) == (
+            () if r.number else (len(r.entries) // r.columns, r.columns) if r.columns else (len(r.entries),)
+        )
+    return {f"{r.name}[{i}]": float(x) for r in model.results for i, x in enumerate(flat[r.name])}
 
 
 @pytest.mark.parametrize("what", MODELS)
-def test_python_is_the_expressions(what: str) -> None:
-    model = symbolic_model(load_robot("rx90"), what)
-    found = by_python(render(model, "python"), what)
-    known = dict(model.lengths) | dict(zip(model.inputs, arguments(what), strict=True))
+def test_python_is_the_expressions(models: dict[str, SymbolicModel], what: str) -> None:
+    model = models[what]
+    found = by_python(model)
+    known = dict(model.constants) | dict(zip(model.inputs, inputs(model), strict=True))
     for name, expression in model.expressions.items():
-        known[name] = float(sympy.sympify(expression).subs(known))
-        assert math.isclose(found[name], known[name], rel_tol=1e-12, abs_tol=1e-12)
+        known[name] = float(
+            expression.xreplace({s: sympy.Float(known[s.name]) for s in expression.free_symbols}).evalf()
+        )
+    entries = [name for r in model.results for name in r.entries] or list(model.expressions)
+    np.testing.assert_allclose(list(found.values()), [known[name] for name in entries], rtol=1e-11, atol=1e-11)
 
 
 @pytest.mark.parametrize("what", MODELS)
-def test_c_is_the_python(what: str, tmp_path: Path) -> None:
+def test_c_is_the_python(models: dict[str, SymbolicModel], what: str, tmp_path: Path) -> None:
     compiler = shutil.which("cc")
     if compiler is None:
         pytest.skip("there is no C compiler here")
-    model = symbolic_model(load_robot("rx90"), what)
+    model = models[what]
     (tmp_path / "model.c").write_text(render(model, "c"), encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
     subprocess.run([compiler, *flags, "model.c", "-o", "model.so", "-lm"], cwd=tmp_path, check=True)
-    out = (ctypes.c_double * len(model.expressions))()
     function = getattr(ctypes.CDLL(str(tmp_path / "model.so")), what.replace("-", "_"))
-    function(*(ctypes.c_double(x) for x in arguments(what)), out)
-    expected = list(by_python(render(model, "python"), what).values())
-    np.testing.assert_allclose(list(out), expected, rtol=1e-12, atol=1e-12)
+    given = [(ctypes.c_double * len(x))(*x) if isinstance(x, list) else ctypes.c_double(x) for x in calls(model)]
+    sizes = [len(r.entries) for r in model.results] or [len(model.expressions)]
+    out = [(ctypes.c_double * size)() for size in sizes]
+    function(*given, *out)
+    expected = list(by_python(model).values())
+    np.testing.assert_allclose(np.concatenate([list(x) for x in out]), expected, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("what", MODELS)
-def test_json_reads_back_and_text_and_latex_name_everything(what: str) -> None:
-    model = symbolic_model(load_robot("rx90"), what)
+def test_json_reads_back_and_text_and_latex_name_everything(models: dict[str, SymbolicModel], what: str) -> None:
+    model = models[what]
     table = json.loads(render(model, "json"))
+    text, latex = render(model, "text"), render(model, "latex")
+    rng = np.random.default_rng(1)
     for name, expression in model.expressions.items():
-        symbols = {s.name: s for s in sympy.sympify(expression).free_symbols}
-        assert sympy.expand(sympy.sympify(table["expressions"][name], locals=symbols) - expression) == 0
-        assert name in render(model, "text")
-    assert r"\begin{align*}" in render(model, "latex")
+        symbols = {s.name: s for s in expression.free_symbols}
+        again = sympy.sympify(table["expressions"][name], locals=symbols)
+        point = {s: sympy.Float(x) for s, x in zip(symbols.values(), rng.uniform(0.2, 0.9, len(symbols)), strict=True)}
+        if again != expression:
+            assert abs(complex((again - expression).xreplace(point))) < 1e-12
+        assert f"\n{name}" in text
+    assert table["parameters"] == dict(model.parameters)
+    assert latex.count("&=") == len(model.expressions)
+    assert table["results"].keys() == ({r.name for r in model.results} or model.expressions.keys())
 
 
-def test_inverse_geometry_inverts() -> None:
-    found = by_python(render(symbolic_model(load_robot("rx90"), "inverse-geometry"), "python"), "inverse-geometry")
-    robot = load_robot("rx90")
+def test_inverse_geometry_inverts(models: dict[str, SymbolicModel]) -> None:
+    found, robot = by_python(models["inverse-geometry"]), load_robot("rx90")
     again = direct_geometry(robot, np.array([[found[f"q{j + 1}"] for j in range(6)]]))[0]
     np.testing.assert_allclose(again, direct_geometry(robot, Q[None])[0], atol=1e-12)
 

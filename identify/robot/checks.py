@@ -18,10 +18,16 @@ from identify.robot.robot import Link
 ROUNDING = 1e-9
 """Share of the largest principal moment by which an inertia may miss a condition for lack of digits."""
 
+LARGEST = 1e10
+"""Largest number of a description, in SI, apart from limits: beyond it squares and products lose all meaning."""
+
 
 def found(value: Any) -> str:
     """How a value read from a file is shown in a message: short, on one line."""
-    shown = " ".join(repr(value).split())
+    try:
+        shown = " ".join(repr(value).split())
+    except (RecursionError, ValueError):  # nested without end; an integer of thousands of digits
+        shown = f"a {type(value).__name__} out of all proportion"
     return shown if len(shown) <= 60 else shown[:57] + "..."
 
 
@@ -53,7 +59,7 @@ def text(value: Any, where: str) -> str:
 
 
 def number(value: Any, where: str, infinite: bool = False) -> float:
-    """A number as float; finite, unless `infinite` allows ±inf."""
+    """A number as float; finite and no larger than LARGEST, unless `infinite` allows ±inf and all below."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise RobotError(f"{where}: expected a number, found {found(value)}")
     try:
@@ -62,6 +68,8 @@ def number(value: Any, where: str, infinite: bool = False) -> float:
         result = math.inf
     if math.isnan(result) or (math.isinf(result) and not infinite):
         raise RobotError(f"{where}: expected a finite number, found {found(value)}")
+    if abs(result) > LARGEST and not infinite:
+        raise RobotError(f"{where}: expected a number up to {LARGEST:g}, found {found(value)}")
     return result
 
 

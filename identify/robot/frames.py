@@ -64,17 +64,32 @@ def robot_from_bodies(
     gravity (3,): acceleration in the root frame [m/s²]. tip (4, 4): the tool frame at q = 0, in the root
     frame, carried by the last body. Joint variables stay the bodies' own; `Robot.base` is R_0 in the root frame.
     """
-    children = [next((other for other in bodies if other.parent == j), None) for j in range(len(bodies))]
+    first = {other.parent: other for other in reversed(bodies)}
+    children = [first.get(j) for j in range(len(bodies))]
     base = tidy(_frame(bodies[0], None, children[0]))
     if np.count_nonzero(_in(base, gravity)) > 1:
         up = -np.asarray(gravity, dtype=float) / np.linalg.norm(gravity)
         base = tidy(_frame(Body("base", "fixed", -1, np.eye(4), up), None, bodies[0]))
     frames: list[np.ndarray] = []
-    joints: list[Joint] = []
     for body, child in zip(bodies, children, strict=True):
+        frames.append(_frame(body, frames[body.parent] if body.parent >= 0 else base, child))
+    return robot_from_frames(name, bodies, frames, base, gravity, tip, source, note)
+
+
+def robot_from_frames(
+    name: str,
+    bodies: Sequence[Body],
+    frames: Sequence[np.ndarray],
+    base: np.ndarray,
+    gravity: Sequence[float],
+    tip: np.ndarray,
+    source: str = "",
+    note: str = "",
+) -> Robot:
+    """Robot of the bodies with frames R_j (4, 4) at q = 0 and R_0 `base`, in the root frame, z_j along the axes."""
+    joints: list[Joint] = []
+    for body, frame in zip(bodies, frames, strict=True):
         parent = frames[body.parent] if body.parent >= 0 else base
-        frame = _frame(body, parent, child)
-        frames.append(frame)
         gamma, b, alpha, d, theta, r = parameters(inverse(parent) @ frame)
         joints.append(
             Joint(

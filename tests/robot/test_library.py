@@ -120,7 +120,7 @@ def test_unusable_files(tmp_path: Path) -> None:
         "arm.txt": "can't tell the format; a robot file ends in .toml, .urdf or .xml",
         "empty.toml": "the robot has no name",
         "empty.urdf": "not valid XML: no element found",
-        "scene.xml": "an MJCF model, which is not read; give the arm's URDF or describe it in TOML",
+        "scene.xml": "no moving joint",
         "page.xml": "not a URDF: expected the element <robot> at the top, found <html>",
     }
     for name, message in expected.items():

@@ -248,13 +248,31 @@ REFUSALS = {
     "joint twice": (arm('"wrist"', '"shoulder"'), "joint 'shoulder': a second joint of this name"),
     "link without name": (arm('<link name="hand"/>', "<link/>"), "a <link>: no attribute name"),
     "joint without type": (arm(' type="continuous"', ""), "joint 'wrist': no attribute type"),
-    "floating": (arm("continuous", "floating"), "joint 'wrist': type 'floating' can't be used; expected one of"),
+    "floating": (
+        arm("continuous", "floating"),
+        "joint 'wrist': type 'floating' can't be used; name the joints to keep with --joints",
+    ),
     "planar": (arm("continuous", "planar"), "joint 'wrist': type 'planar' can't be used"),
     "misspelt": (
         arm("continuous", "continous"),
         "joint 'wrist': type 'continous' can't be used; did you mean 'continuous'?",
     ),
-    "mimic": (arm('<origin xyz="0.2 0 0"/>', '<mimic joint="shoulder"/>'), "joint 'wrist': mimics another joint"),
+    "mimic": (
+        arm('<origin xyz="0.2 0 0"/>', '<mimic joint="shoulder"/>'),
+        "no joint is left that moves on its own: 'wrist' mimics",
+    ),
+    "mimic of nothing": (
+        arm('<origin xyz="0.2 0 0"/>', '<mimic joint="sholder"/>'),
+        "joint 'wrist': mimics 'sholder', which is no other joint; name the joints to keep with --joints",
+    ),
+    "mimic that carries": (
+        arm(
+            "</robot>",
+            '<link name="tip"/><joint name="tool" type="revolute"><parent link="hand"/><child link="tip"/></joint>'
+            "</robot>",
+        ).replace('<origin xyz="0.2 0 0"/>', '<mimic joint="shoulder"/>'),
+        "joint 'wrist': 'wrist' mimics 'shoulder', and it carries 'tool': coupled joints can't be used; name the",
+    ),
     "no parent": (arm('<parent link="upper"/>', ""), "joint 'wrist': no <parent"),
     "no child": (arm('<child link="hand"/>', ""), "joint 'wrist': no <child"),
     "unknown parent": (

@@ -89,7 +89,7 @@ def import_log(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.logs.reading import read_log
     from identify.logs.slicing import window
 
-    whole = read_log(options.table, options.map)
+    whole = read_log(options.table, options.map, topic=options.topic)
     origin = {
         "imported_from": Path(options.table).name,
         "imported_sha256": whole.sha256,
@@ -120,7 +120,7 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
         robot = load_robot(options.robot)
         joints, limits = robot.joint_names, {joint.name: joint.limits for joint in robot.joints}
-    log = read_log(options.log, options.map, joints)
+    log = read_log(options.log, options.map, joints, options.topic)
     found = look_over(log, limits)
     try:
         require_identifiable(log)
@@ -138,6 +138,31 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     return 0
 
 
+def recover(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    """Save what can be read of a damaged log, and say what can't."""
+    check_file(options.output, (".mcap",), options.force, [options.log])
+    from identify.logs.recovery import recover as save
+
+    with parents_of(options.output):
+        found = save(options.log, options.output)
+    if options.json:
+        _print_json(
+            {
+                "output": options.output,
+                "messages": found.messages,
+                "topics": found.topics,
+                "duration_s": found.duration,
+                "lost": list(found.lost),
+            }
+        )
+        return 0
+    topics = ", ".join(f"{count:,} on {topic}" for topic, count in found.topics.items())
+    print(f"{options.output}: {found.messages:,} messages over {found.duration:.3f} s: {topics}")
+    for sentence in found.lost or ("nothing was lost",):
+        print(f"- {sentence}")
+    return 0
+
+
 def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Identify, test, check and report into a result folder."""
     names = [*options.logs, *options.test]
@@ -148,7 +173,12 @@ def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
     robot = load_robot(options.robot)
     tables = [name for name in names if not name.lower().endswith(".mcap")] or names
-    logs = [read_log(name, options.map if name in tables else None, robot.joint_names) for name in names]
+    logs = [
+        read_log(name, options.map, robot.joint_names)
+        if options.map and name in tables
+        else read_log(name, None, robot.joint_names, options.topic)
+        for name in names
+    ]
     with parents_of(options.output), progress_line(sys.stderr) as progress:
         record = workflow.fit_to_folder(
             logs[: len(options.logs)],
@@ -175,7 +205,7 @@ def predict(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.logs.writing import write_table
 
     result = Identification.load(options.result)
-    log = read_log(options.log, options.map, result.robot.joint_names, effort=False)
+    log = read_log(options.log, options.map, result.robot.joint_names, options.topic, effort=False)
     torque = result.predict(log)
     with parents_of(options.output):
         header = ["t", *(f"tau{j}" for j in range(1, torque.shape[1] + 1))]
@@ -239,6 +269,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "simulate": simulate,
     "import": import_log,
     "inspect": inspect,
+    "recover": recover,
     "fit": fit,
     "predict": predict,
     "check": check,

@@ -25,7 +25,7 @@ WHAT = (
 FORMATS = ("text", "latex", "python", "c", "json")
 
 _ROBOT = "built-in name (rx90, tx40), or a .toml or .urdf file"
-_LOG = "MCAP file with sensor_msgs/msg/JointState, or with --map a table"
+_LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
 _MAP = "TOML file that says what the columns of a table mean"
 
 _DESCRIPTION = "Inertial and friction parameters of a robot arm from its logs."
@@ -63,7 +63,20 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"identify {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True, title="commands")
-    for add in (_demo, _excite, _simulate, _import, _inspect, _fit, _predict, _check, _report, _model, _codegen):
+    for add in (
+        _demo,
+        _excite,
+        _simulate,
+        _import,
+        _inspect,
+        _recover,
+        _fit,
+        _predict,
+        _check,
+        _report,
+        _model,
+        _codegen,
+    ):
         add(commands)
     return parser
 
@@ -143,6 +156,7 @@ def _import(commands: Any) -> None:
     )
     command.add_argument("table", metavar="TABLE", help="table, folder of tables, or log")
     command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; needed for tables that identify did not write")
+    _topic(command)
     _output(command, "LOG", "log to write, .mcap or .csv")
     command.add_argument("--start", type=_seconds, metavar="S", help="leave out what comes before S seconds")
     command.add_argument("--stop", type=_seconds, metavar="S", help="leave out what comes at S seconds or later")
@@ -160,6 +174,21 @@ def _inspect(commands: Any) -> None:
     command.add_argument("log", metavar="LOG", help=_LOG)
     command.add_argument("--robot", metavar="ROBOT", help=_ROBOT)
     command.add_argument("--map", metavar="MAP.toml", help=_MAP)
+    _topic(command)
+    _json(command)
+
+
+def _recover(commands: Any) -> None:
+    command = _command(
+        commands,
+        "recover",
+        "save what can be read of a cut or damaged MCAP file",
+        "Writes every message of every topic that lies in a sound chunk, bit by bit, with an index, and says what\n"
+        "was lost. A recording that was killed is left as LOG.mcap.partial and serves as well.",
+        "identify recover run.mcap.partial -o run.mcap",
+    )
+    command.add_argument("log", metavar="LOG", help="MCAP file, whatever state it is in")
+    _output(command, "LOG.mcap", "file to write")
     _json(command)
 
 
@@ -180,6 +209,7 @@ def _fit(commands: Any) -> None:
         "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test the result on"
     )
     command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; holds for every LOG that is a table")
+    _topic(command)
     command.add_argument(
         "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
     )
@@ -205,6 +235,7 @@ def _predict(commands: Any) -> None:
     command.add_argument("log", metavar="LOG", help=_LOG)
     _output(command, "TORQUE.csv", "table to write")
     command.add_argument("--map", metavar="MAP.toml", help=_MAP)
+    _topic(command)
     _json(command)
 
 
@@ -283,6 +314,10 @@ def _output(command: argparse.ArgumentParser, metavar: str, text: str, default: 
         "-o", "--output", metavar=metavar, required=default is None, default=default, type=_path, help=shown
     )
     command.add_argument("--force", action="store_true", help="replace what is there already, whole or not at all")
+
+
+def _topic(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--topic", metavar="TOPIC", help="joint states of an MCAP file (default: found by itself)")
 
 
 def _json(command: argparse.ArgumentParser) -> None:

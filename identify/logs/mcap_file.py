@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
@@ -13,7 +12,7 @@ import numpy as np
 from identify import __version__
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, ChunkIndex, McapRecord, Schema
+    from mcap.records import Attachment, Channel, ChunkIndex, McapRecord, Metadata, Schema
 
 MAGIC = b"\x89MCAP0\r\n"
 _CHUNK, _MESSAGE_INDEX, _FOOTER = 6, 7, 2
@@ -37,21 +36,34 @@ class McapFile:
         self._counts: dict[int, int] = {}
         self._write(MAGIC + packed(Header(profile, f"identify {__version__}")))
 
-    def metadata(self, name: str, entries: Mapping[str, str]) -> None:
-        """Write a metadata record."""
-        from mcap.records import Metadata, MetadataIndex
+    def define(self, record: Schema | Channel) -> None:
+        """Write a schema or a channel outside of the chunks."""
+        self._write(packed(record))
 
-        part = packed(Metadata(name, dict(entries)))
-        self._metadata.append(MetadataIndex(self._at, len(part), name))
+    def metadata(self, record: Metadata) -> None:
+        """Write a metadata record."""
+        from mcap.records import MetadataIndex
+
+        part = packed(record)
+        self._metadata.append(MetadataIndex(self._at, len(part), record.name))
         self._write(part)
 
-    def attachment(self, name: str, data: bytes, when: int) -> None:
-        """Write an attachment that was made at `when` [ns]."""
-        from mcap.records import Attachment, AttachmentIndex
+    def attachment(self, record: Attachment) -> None:
+        """Write an attachment."""
+        from mcap.records import AttachmentIndex
 
-        kind = "application/toml" if Path(name).suffix == ".toml" else "application/octet-stream"
-        part = packed(Attachment(when, when, name, kind, bytes(data)))
-        self._attachments.append(AttachmentIndex(self._at, len(part), when, when, len(data), name, kind))
+        part = packed(record)
+        self._attachments.append(
+            AttachmentIndex(
+                self._at,
+                len(part),
+                record.log_time,
+                record.create_time,
+                len(record.data),
+                record.name,
+                record.media_type,
+            )
+        )
         self._write(part)
 
     def chunk(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from identify.errors import LogError
 from identify.logs import joint_state
+from identify.logs.damage import Damage, describe
 from identify.logs.joint_messages import KNOWN, Kind, kind_of
 from identify.logs.joint_series import Block, Series
 from identify.logs.log import START_TIME, Log
@@ -22,12 +23,10 @@ from identify.logs.mcap_writer import PROVENANCE, TOPIC
 from identify.logs.slicing import no_such_joint
 from identify.logs.wording import counted, listed, printable
 
-_SECOND = joint_state.NANOSECONDS
 _LAYOUTS_PER_RUN = 8
 _LAYOUTS_KEPT = 64
 _SERIES_KEPT = 256
 _UNPACKED = 4
-_DAMAGES_TOLD = 8
 
 
 @dataclass(frozen=True)
@@ -57,9 +56,11 @@ class _Gathered:
     kinds: dict[str, bool] = field(default_factory=dict)
     attachments: dict[str, bytes] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
-    damages: list[tuple[Path, Any]] = field(default_factory=list)
+    damages: list[Damage] = field(default_factory=list)
+    several: bool = False
     unreadable: int = 0
     untold: int = 0
+    strangers: int = 0
     total_bytes: int = 1
     read_bytes: int = 0
     done_bytes: int = 0
@@ -94,6 +95,7 @@ def read_files(
     for path in paths:
         _refuse_other(path)
     found = _Gathered(frozenset(joints or ()), topic, tuple(joints or ()), tuple(skip))
+    found.several = len(paths) > 1
     found.total_bytes = sum(path.stat().st_size for path in paths)
     for path in paths:
         _gather(path, found)
@@ -101,9 +103,13 @@ def read_files(
     findings: list[str] = []
     if found.unreadable:
         findings.append(f"{counted(found.unreadable, 'joint state message')} could not be decoded and not used")
+    if found.strangers:
+        left = counted(found.strangers, "message")
+        findings.append(f"{left} of channels that are described nowhere could not be used")
     chosen = _choose(source, found, findings)
     log = _assemble(chosen, findings)
-    told = _describe(found.damages, log, chosen.first_log_time, several=len(paths) > 1)
+    recovered = f"{counted(log.samples, 'sample')} before that recovered, up to {log.time.max():.3f} s"
+    told = describe(found.damages, recovered, chosen.first_log_time)
     provenance = {**found.metadata.get(PROVENANCE, {}), **log.metadata}
     log = Log(
         log.time,
@@ -129,7 +135,7 @@ def _gather(path: Path, found: _Gathered) -> None:
     """Take in one file."""
     from mcap.records import Attachment, Channel, Metadata, Schema
 
-    from identify.logs.mcap_records import Batch, Damage, records
+    from identify.logs.mcap_records import Batch, records
 
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
@@ -144,6 +150,8 @@ def _gather(path: Path, found: _Gathered) -> None:
                 alone = bool(len(numbers)) and bool((numbers == first).all())
                 for number in [first] if alone else np.unique(numbers).tolist():
                     kind = kinds.get(number)
+                    if number not in channels:
+                        found.strangers += int((numbers == number).sum())
                     if kind is None or (found.topic and channels[number].topic != found.topic):
                         continue
                     which = None if alone else np.flatnonzero(numbers == number)
@@ -161,7 +169,7 @@ def _gather(path: Path, found: _Gathered) -> None:
             case Metadata():
                 found.metadata.setdefault(item.name, {}).update(item.metadata)
             case Damage():
-                found.damages.append((path, item))
+                found.damages.append(replace(item, file=path.name) if found.several else item)
 
 
 def _take_in(
@@ -353,26 +361,3 @@ def _assemble(series: Series, findings: list[str]) -> Log:
     velocity, effort = series.take("velocity"), series.take("effort")
     del stamp, log_time
     return Log(series.take_seconds(clock), position, velocity, effort, series.joints, metadata=metadata)
-
-
-def _describe(damages: list[tuple[Path, Any]], log: Log, first: int, several: bool) -> list[str]:
-    """A sentence for every damage: what was lost, and how far the recording goes. first: the first log time [ns]."""
-    recovered = f"{counted(log.samples, 'sample')} before that recovered, up to {log.time.max():.3f} s"
-    sentences = []
-    for path, damage in damages[:_DAMAGES_TOLD]:
-        lost = f"{counted(damage.lost_bytes, 'byte')} lost" if damage.lost_bytes else "no sample lost"
-        if damage.span is not None:
-            start, stop = ((when - first) / _SECOND for when in damage.span)
-            lost += f", which spanned {start:.3f} to {stop:.3f} s"
-        name = f"{path.name}: the file" if several else "the file"
-        if damage.cut and damage.lost_bytes:
-            sentences.append(f"{name} is cut: {damage.reason} at byte {damage.offset}; {recovered}; {lost}")
-        elif damage.cut:
-            sentences.append(f"{name} is cut: {damage.reason}; {recovered}; what followed is not known")
-        else:
-            sentences.append(f"{name} is damaged at byte {damage.offset}: {damage.reason}; {lost}")
-    if damages[_DAMAGES_TOLD:]:
-        rest = damages[_DAMAGES_TOLD:]
-        lost_bytes = sum(damage.lost_bytes for _, damage in rest)
-        sentences.append(f"{counted(len(rest), 'more place')} damaged, with {counted(lost_bytes, 'byte')} lost")
-    return sentences

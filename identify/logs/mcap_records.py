@@ -22,7 +22,9 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, McapRecord, Metadata, Schema
+from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Metadata, Schema
+
+from identify.logs.damage import Damage
 
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE_HEAD = 31
@@ -36,13 +38,15 @@ _LOOSE_BYTES = 1 << 20
 _MOST_DEFINITIONS = 1 << 17
 # Plain numbers, as a member of an enumeration takes longer to look up than to compare.
 _MESSAGE, _CHUNK, _MESSAGE_INDEX = int(Opcode.MESSAGE), int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
-_DATA_END, _FOOTER = int(Opcode.DATA_END), int(Opcode.FOOTER)
+_DATA_END, _FOOTER, _HEADER = int(Opcode.DATA_END), int(Opcode.FOOTER), int(Opcode.HEADER)
+_FOOTER_BYTES = 29
 _DEFINITIONS: dict[int, type[McapRecord]] = {int(Opcode.SCHEMA): Schema, int(Opcode.CHANNEL): Channel}
 _KEPT: dict[int, type[McapRecord]] = {
     **_DEFINITIONS,
     int(Opcode.METADATA): Metadata,
     int(Opcode.ATTACHMENT): Attachment,
 }
+_UNREADABLE = (struct.error, ValueError, OverflowError, McapError, MemoryError)
 _COMPRESSED = re.compile(rb"\x04\0\0\0zstd|\x03\0\0\0lz4")
 """How a chunk names its compression, by which one is found again behind damage."""
 _NAME_AT = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
@@ -55,8 +59,8 @@ _STRIDE_GROWTH = 32
 class Batch:
     """Neighbouring message records: content (bytes) uint8, offsets (k,) and lengths (k,) in it, heads included.
 
-    chunk: the chunk record they come from, as it stands in the file; None for messages outside of chunks.
-    definitions: schema and channel records among them that have not come before. grid: (k, length) uint8, all
+    chunk: the chunk record they come from, as it stands in the file; None for messages outside of chunks, or of one
+    that is not sound. grid: (k, length) uint8, all
     of them as a view where they are of one length and nothing lies between them, else None. stop: the place in
     the file up to which they were read.
     """
@@ -65,7 +69,6 @@ class Batch:
     offsets: np.ndarray
     lengths: np.ndarray
     chunk: Chunk | None
-    definitions: tuple[Schema | Channel, ...]
     grid: np.ndarray | None
     stop: int
 
@@ -101,20 +104,6 @@ class Chunk:
     packed: int
 
 
-@dataclass(frozen=True)
-class Damage:
-    """Bytes that could not be used: where they start, how many, why, and the log times they span where known [ns].
-
-    `cut`: the file ends there, before its time.
-    """
-
-    offset: int
-    lost_bytes: int
-    reason: str
-    span: tuple[int, int] | None = None
-    cut: bool = False
-
-
 Item = Schema | Channel | Metadata | Attachment | Batch | Damage
 
 
@@ -124,10 +113,25 @@ def is_mcap(path: Path) -> bool:
         return stream.read(len(MAGIC)) == MAGIC
 
 
+def profile(path: Path) -> str:
+    """What the file's header says its messages are for; "" where there is none."""
+    with open(path, "rb") as stream:
+        stream.seek(len(MAGIC))
+        body = _body(stream, _HEADER)
+    try:
+        return Header.read(ReadDataStream(io.BytesIO(body))).profile
+    except _UNREADABLE:
+        return ""
+
+
 def records(path: Path) -> Iterator[Item]:
-    """Schemas, channels, metadata, attachments and messages of an MCAP file in order, and what is damaged."""
+    """Schemas, channels, metadata, attachments and messages of an MCAP file in order, and what is damaged.
+
+    What the index at the end repeats of schemas and channels comes first: the chunk that held them may be lost.
+    """
     size = os.path.getsize(path)
     with open(path, "rb", buffering=_LOOSE_BYTES) as stream:
+        yield from _summary(stream, size)
         stream.seek(len(MAGIC))
         cut = False
         for item in _data_section(stream, size):
@@ -136,6 +140,41 @@ def records(path: Path) -> Iterator[Item]:
         stream.seek(max(0, size - len(MAGIC)))
         if not cut and stream.read() != MAGIC:
             yield Damage(size, 0, "its index at the end is incomplete")
+
+
+def _body(stream: BinaryIO, opcode: int) -> bytes:
+    """What the record at this place of the stream holds; nothing where it is of another kind, or too long."""
+    head = stream.read(RECORD_HEAD.size)
+    found, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
+    return stream.read(length) if found == opcode and length < _LOOSE_BYTES else b""
+
+
+def _summary(stream: BinaryIO, size: int) -> Iterator[Schema | Channel]:
+    """Schemas and channels of the index at the end, where it is whole and its checksum is right."""
+    stream.seek(max(0, size - _FOOTER_BYTES - len(MAGIC)))
+    tail = stream.read()
+    if tail[-len(MAGIC) :] != MAGIC or tail[: RECORD_HEAD.size] != RECORD_HEAD.pack(_FOOTER, _FOOTER_BYTES - 9):
+        return
+    footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD_HEAD.size :])))
+    length = size - _FOOTER_BYTES - len(MAGIC) - footer.summary_start
+    if not footer.summary_start or not 0 < length < LARGEST_RECORD:
+        return
+    stream.seek(footer.summary_start)
+    content = stream.read(length)
+    # The specification: over the summary and the footer up to the checksum itself.
+    if footer.summary_crc and zlib.crc32(tail[: _FOOTER_BYTES - 4], zlib.crc32(content)) != footer.summary_crc:
+        return
+    here = 0
+    while here + RECORD_HEAD.size <= len(content):
+        opcode, length = RECORD_HEAD.unpack_from(content, here)
+        start = here + RECORD_HEAD.size
+        if opcode not in _DEFINITIONS:
+            return
+        here = start + length
+        item = _record(opcode, content[start:here], start)
+        if isinstance(item, Damage):
+            return
+        yield item
 
 
 def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
@@ -287,7 +326,6 @@ def _split(
         offsets, lengths, others, reason = _by_walking(content, view)
     else:
         offsets, lengths, others, grid = found
-    definitions = []
     for here in others:
         opcode, length = RECORD_HEAD.unpack_from(content, here)
         record = bytes(content[here : here + RECORD_HEAD.size + length])
@@ -295,15 +333,11 @@ def _split(
         if record in seen:
             continue
         seen.add(record)
-        item = _record(opcode, record[RECORD_HEAD.size :], at)
-        if isinstance(item, Damage):
-            yield item
-        else:
-            definitions.append(item)
-    yield from definitions
-    if len(offsets) or definitions:
+        yield _record(opcode, record[RECORD_HEAD.size :], at)
+    if len(offsets):
         stop = at if chunk is None else at + len(chunk.body)
-        yield Batch(view, offsets, lengths, chunk, tuple(definitions), grid, stop)
+        chunk = None if reason else chunk
+        yield Batch(view, offsets, lengths, chunk, grid, stop)
     if reason:
         used = int(offsets[-1] + lengths[-1]) if len(offsets) else 0
         yield Damage(at, len(content) - used, reason)
@@ -423,7 +457,7 @@ def _record(opcode: int, body: bytes, at: int) -> Any:
     kind: Any = _KEPT[opcode]
     try:
         return kind.read(ReadDataStream(io.BytesIO(body)))
-    except (struct.error, ValueError, OverflowError, McapError, MemoryError):
+    except _UNREADABLE:
         return Damage(at, len(body), f"a {kind.__name__.lower()} record can't be read")
 
 

@@ -11,6 +11,7 @@ import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
@@ -84,13 +85,17 @@ def recording(
     killed leaves it readable, without the last half second at most, and an older `path` as it was. After an error
     the partial file goes. Raises OutputError where the file can't be written, or is being written already.
     """
+    from mcap.records import Attachment, Metadata
+
     start = _start_of(metadata or {}) if start_ns is None else start_ns
     with growing(path) as stream:
         file = McapFile(stream)
         # Before the chunks, so that a cut file keeps its provenance.
-        file.metadata(PROVENANCE, {str(k): str(v) for k, v in (metadata or {}).items() if k != START_TIME})
+        provenance = {str(k): str(v) for k, v in (metadata or {}).items() if k != START_TIME}
+        file.metadata(Metadata(PROVENANCE, provenance))
         for name, data in (attachments or {}).items():
-            file.attachment(name, data, start)
+            kind = "application/toml" if Path(name).suffix == ".toml" else "application/octet-stream"
+            file.attachment(Attachment(start, start, name, kind, bytes(data)))
         stream.flush()
         recorder = Recorder(file, str(path), tuple(joints), tuple(channels), start)
         yield recorder

@@ -26,7 +26,7 @@ from identify.robot.robot import Joint, Limits, Robot
 from identify.symbolic import geometry
 from identify.symbolic.inverse_geometry import differences, inverse_geometries
 
-WARNINGS = [
+WARNINGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wconversion", "-Wshadow"]
     "-std=c99",
     "-O1",
     "-Wall",

@@ -27,16 +27,6 @@ from identify.symbolic import geometry
 from identify.symbolic.inverse_geometry import differences, inverse_geometries
 
 WARNINGS = ["-std=c99", "-O1", "-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wconversion", "-Wshadow"]
-    "-std=c99",
-    "-O1",
-    "-Wall",
-    "-Wextra",
-    "-Werror",
-    "-Wpedantic",
-    "-Wconversion",
-    "-Wshadow",
-    "-Wmissing-prototypes",
-]
 
 
 def unlimited(robot: Robot) -> Robot:

@@ -47,7 +47,7 @@ def pd(inertia: Array) -> Law:
 
 
 def computed_torque(regressor: identify.Regressor) -> Law:
-    """Γ = A(q)·w + C(q,q̇)·q̇ + Q(q) + friction, w = q̈_ref + 2ω·ė + ω²·e: inverse dynamics of w."""
+    """Γ = A(q)·w + C(q,q̇)·q̇ + Q(q) + friction, w = q̈_ref + 2ω·ė + ω²·e, e = q_ref − q."""
 
     def law(theta: Array, q: Array, dq: Array, q_ref: Array, dq_ref: Array, ddq_ref: Array) -> Answer:
         w = ddq_ref + 2 * OMEGA * (dq_ref - dq) + OMEGA**2 * (q_ref - q)

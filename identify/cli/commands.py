@@ -37,7 +37,7 @@ def excite(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify import workflow
     from identify.robot.library import load_robot
 
-    robot = load_robot(options.robot)
+    robot = load_robot(options.robot, options.joints, options.gravity)
     with parents_of(options.output):
         with progress_line(sys.stderr) as progress:
             trajectory = workflow.excite(
@@ -65,7 +65,7 @@ def simulate(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.experiment.trajectory import Trajectory
     from identify.robot.library import load_robot
 
-    robot = load_robot(options.robot)
+    robot = load_robot(options.robot, options.joints, options.gravity)
     trajectory = None if options.trajectory is None else Trajectory.load(options.trajectory)
     with parents_of(options.output), progress_line(sys.stderr) as progress:
         log = workflow.run_experiment(
@@ -118,7 +118,7 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     if options.robot is not None:
         from identify.robot.library import load_robot
 
-        robot = load_robot(options.robot)
+        robot = load_robot(options.robot, options.joints, options.gravity)
         joints, limits = robot.joint_names, {joint.name: joint.limits for joint in robot.joints}
     log = read_log(options.log, options.map, joints, options.topic)
     found = look_over(log, limits)
@@ -171,7 +171,7 @@ def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.logs.reading import read_log
     from identify.robot.library import load_robot
 
-    robot = load_robot(options.robot)
+    robot = load_robot(options.robot, options.joints, options.gravity)
     tables = [name for name in names if not name.lower().endswith(".mcap")] or names
     logs = [
         read_log(name, options.map, robot.joint_names)
@@ -238,7 +238,7 @@ def check(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.robot.library import load_robot
     from identify.validation.cross_check import check_robot
 
-    found = check_robot(load_robot(options.robot))
+    found = check_robot(load_robot(options.robot, options.joints, options.gravity))
     if options.json:
         _print_json(found)
     else:

@@ -19,7 +19,7 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Print a symbolic model of a robot."""
     from identify.robot.library import load_robot
 
-    robot = load_robot(options.robot)
+    robot = load_robot(options.robot, options.joints, options.gravity)
     if options.what == "operations":
         from identify.symbolic.operation_table import operations
 
@@ -56,7 +56,7 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.logs.files import replacing
     from identify.robot.library import load_robot
 
-    robot = load_robot(options.robot)
+    robot = load_robot(options.robot, options.joints, options.gravity)
     parameters = covariance = None
     if options.parameters is not None:
         from identify.estimation.identification import Identification

@@ -24,7 +24,7 @@ WHAT = (
 )
 FORMATS = ("text", "latex", "python", "c", "json")
 
-_ROBOT = "built-in name (rx90, tx40), or a .toml or .urdf file"
+_ROBOT = "built-in name (rx90, tx40), or a .toml, .urdf or MJCF .xml file"
 _LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
 _MAP = "TOML file that says what the columns of a table mean"
 
@@ -114,6 +114,7 @@ def _excite(commands: Any) -> None:
         "identify excite rx90 -o trajectory.toml --criterion torque --seed 1",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     _output(command, "TRAJECTORY.toml", "file to write")
     command.add_argument(
         "--criterion",
@@ -137,6 +138,7 @@ def _simulate(commands: Any) -> None:
         "identify simulate rx90 --trajectory trajectory.toml --noise high -o run.mcap",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     _output(command, "LOG.mcap", "log to write")
     command.add_argument(
         "--trajectory", metavar="TRAJECTORY.toml", help="motion, as `identify excite` writes it (default: design one)"
@@ -173,6 +175,7 @@ def _inspect(commands: Any) -> None:
     )
     command.add_argument("log", metavar="LOG", help=_LOG)
     command.add_argument("--robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     command.add_argument("--map", metavar="MAP.toml", help=_MAP)
     _topic(command)
     _json(command)
@@ -204,6 +207,7 @@ def _fit(commands: Any) -> None:
     )
     command.add_argument("logs", metavar="LOG", nargs="+", help=_LOG)
     command.add_argument("--robot", metavar="ROBOT", required=True, help=_ROBOT)
+    _chosen(command)
     _output(command, "DIR", "result folder to write")
     command.add_argument(
         "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test the result on"
@@ -249,6 +253,7 @@ def _check(commands: Any) -> None:
         "identify check my_arm.urdf",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     _json(command)
 
 
@@ -283,6 +288,7 @@ def _model(commands: Any) -> None:
         "identify model rx90 --what inverse-geometry --format python",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
 
@@ -298,6 +304,7 @@ def _codegen(commands: Any) -> None:
         "identify codegen rx90 --parameters result -o controller",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
+    _chosen(command)
     _output(command, "DIR", "folder to write the files to")
     command.add_argument("--language", choices=("c", "python"), default="c", help="language (default: %(default)s)")
     command.add_argument(
@@ -305,6 +312,22 @@ def _codegen(commands: Any) -> None:
         metavar="DIR",
         type=_path,
         help="result folder whose parameters go in (default: the robot file's)",
+    )
+
+
+def _chosen(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--joints",
+        metavar="NAMES",
+        default="",
+        help="joints to keep, with commas between; the others are held at 0, or where NAME=POSITION says "
+        "(rad, m). With positions alone, all others are kept",
+    )
+    command.add_argument(
+        "--gravity",
+        metavar="X,Y,Z",
+        type=_three,
+        help="gravity in the frame the file is given in, m/s², for an arm on a wall: --gravity=-9.81,0,0",
     )
 
 
@@ -348,6 +371,16 @@ def _seconds(text: str) -> float:
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
     return value
+
+
+def _three(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(abs(value) <= 1e3 for value in values):
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers with commas between")
+    return values
 
 
 def _duration(text: str) -> float:

@@ -22,8 +22,12 @@ FOXGLOVE_NAMES = ("foxglove.JointStates",)
 KNOWN = "sensor_msgs/msg/JointState in cdr or JSON, no JointTrajectoryControllerState and no foxglove.JointStates"
 """For messages: what is looked for."""
 
+UNCERTAIN = 2
+
 _SECOND = joint_state.NANOSECONDS
 _LATEST = 1 << 62
+_ZSTD = b"\x28\xb5\x2f\xfd"
+_LARGEST = 1 << 20
 _UNREADABLE = (
     struct.error,
     ValueError,
@@ -53,7 +57,8 @@ class State:
 class Kind:
     """How the messages of a channel are read.
 
-    rank: measured joint states come before a controller's; parse: message → layout for reading in bulk, or None;
+    rank: measured joint states come before a controller's, and those before UNCERTAIN ones, of which only a look at a
+    message tells whether they are joint states; parse: message → layout for reading in bulk, or None;
     decode: message → State, or None where it can't be read.
     """
 
@@ -71,8 +76,8 @@ def kind_of(channel: Channel, schema: Schema | None) -> Kind | None:
         return Kind(0, joint_state.parse, _guarded(lambda: _ros2(text, joint_state.NAMES[0], _of_joint_state)))
     if encoding == "cdr" and schema and name in joint_state.CONTROLLER_NAMES:
         return _controller_kind(schema)
-    if encoding == "json" and (not name or _JSON_NAME.search(name)):
-        return Kind(0 if name else 2, _no_layout, _guarded(lambda: _of_json))
+    if encoding == "json":
+        return Kind(0 if _JSON_NAME.search(name) else UNCERTAIN, _no_layout, _guarded(lambda: _of_json))
     if encoding == "protobuf" and name in FOXGLOVE_NAMES:
         return Kind(0, _no_layout, _guarded(lambda: _of_protobuf))
     return None
@@ -90,12 +95,27 @@ def _guarded(make: Callable[[], Callable[[bytes], State]]) -> Callable[[bytes], 
         try:
             if not made:
                 made.append(make())
-            state = made[0](message)
+            state = made[0](_unpacked(message))
         except _UNREADABLE:
             return None
         return state if state.joints and abs(state.stamp) < _LATEST else None
 
     return decode
+
+
+def _unpacked(message: bytes) -> bytes:
+    """The message, which `ros2 bag` may have compressed by itself."""
+    if message[:4] != _ZSTD:
+        return message
+    import zstandard
+
+    try:
+        size = zstandard.frame_content_size(message)
+        if size > _LARGEST:
+            raise ValueError("it unpacks to more than a message can hold")
+        return zstandard.ZstdDecompressor().decompress(message, max_output_size=_LARGEST)
+    except zstandard.ZstdError as error:
+        raise ValueError(str(error)) from error
 
 
 def _controller_kind(schema: Schema) -> Kind | None:

@@ -16,7 +16,7 @@ import numpy as np
 from identify.errors import LogError
 from identify.logs import joint_state
 from identify.logs.damage import Damage, describe
-from identify.logs.joint_messages import KNOWN, Kind, kind_of
+from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, kind_of
 from identify.logs.joint_series import Block, Series
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
@@ -141,6 +141,7 @@ def _gather(path: Path, found: _Gathered) -> None:
     channels: dict[int, Channel] = {}
     kinds: dict[int, Kind | None] = {}
     layouts: dict[int, list[joint_state.Layout]] = {}
+    proven: set[int] = set()
     for item in records(path):
         match item:
             case Batch():
@@ -154,6 +155,11 @@ def _gather(path: Path, found: _Gathered) -> None:
                         found.strangers += int((numbers == number).sum())
                     if kind is None or (found.topic and channels[number].topic != found.topic):
                         continue
+                    if kind.rank == UNCERTAIN and number not in proven:
+                        if kind.decode(item.payload(int((numbers == number).argmax()))) is None:
+                            kinds[number] = None
+                            continue
+                        proven.add(number)
                     which = None if alone else np.flatnonzero(numbers == number)
                     _take_in(item, which, channels[number].topic, kind, layouts.setdefault(number, []), found)
             case Schema():
@@ -163,7 +169,8 @@ def _gather(path: Path, found: _Gathered) -> None:
                 schema = schemas.get(item.schema_id)
                 kinds[item.id] = kind_of(item, schema)
                 found.topics[item.topic] = printable(schema.name) if schema and schema.name else "no type"
-                found.kinds[item.topic] = kinds[item.id] is not None
+                kind = kinds[item.id]
+                found.kinds[item.topic] = kind is not None and kind.rank != UNCERTAIN
             case Attachment():
                 found.attachments[item.name] = item.data
             case Metadata():

@@ -86,6 +86,11 @@ class Batch:
         """(m, length) uint8, the records at `which` (m,), all of one length."""
         return _at(self.content, f"V{length}", self.offsets[which]).view(np.uint8).reshape(-1, length)
 
+    def payload(self, k: int) -> bytes:
+        """The message of the k-th record."""
+        start = int(self.offsets[k])
+        return self.content[start + MESSAGE_HEAD : start + int(self.lengths[k])].tobytes()
+
     def _column(self, kind: str, place: int) -> np.ndarray:
         if self.grid is None:
             return _at(self.content, kind, self.offsets + place)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
 from identify.robot.robot import Robot
+from identify.symbolic.expression import Expression, Graph
 
 Sign = Callable[[np.ndarray], np.ndarray]
 
@@ -80,34 +81,41 @@ class JointColumns:
     def units(self) -> tuple[str, ...]:
         return tuple((TURNING if self.revolute[column.index] else SLIDING)[column.kind] for column in self.columns)
 
-    def torque(self, out: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> None:
-        """Fill out (N, n, len(names)) from dq and ddq (N, n)."""
-        out[...] = 0.0
-        for at, (rows, values) in enumerate(self._entries(dq, ddq, sign)):
-            out[:, rows, at] = values
-
-    def add_effort(self, out: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray, sign: Sign) -> None:
-        """Add the columns times theta (len(names),) to the effort out (N, n)."""
-        for factor, (rows, values) in zip(theta, self._entries(dq, ddq, sign), strict=True):
-            out[:, rows] += factor * values
-
-    def _entries(self, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> Iterator[tuple[Any, Any]]:
-        """Of each column in turn: the joints it acts on, and its values there."""
-        for column in self.columns:
-            j, rho = column.index, np.array(column.ratios)
+    def entries(self, graph: Graph, rates: str = "dq", accelerations: str = "ddq") -> dict[tuple[int, int], Expression]:
+        """{(joint, column): effort per unit of the parameter}, of the symbols rates1 …, accelerations1 … and sign1 …"""
+        found: dict[tuple[int, int], Expression] = {}
+        for at, column in enumerate(self.columns):
+            j, rho = column.index, column.ratios
             match column.kind:
                 case "Fv":
-                    yield j, dq[:, j]
+                    found[j, at] = graph.symbol(f"{rates}{j + 1}")
                 case "Fs":
-                    yield j, sign(dq[:, j])
+                    found[j, at] = graph.symbol(f"sign{j + 1}")
                 case "off":
-                    yield j, 1.0
-                case "Iam":
-                    yield slice(None), _cross_terms(ddq, rho)
-                case "Fvm":
-                    yield slice(None), _cross_terms(dq, rho)
+                    found[j, at] = graph.constant(1.0)
                 case "Fsm":
-                    yield slice(None), sign(dq @ rho)[:, None] * rho
+                    motor = len(self.revolute) + self._motors.index(rho)
+                    found |= {(i, at): graph.symbol(f"sign{motor + 1}") * r for i, r in enumerate(rho)}
+                case _:
+                    x = accelerations if column.kind == "Iam" else rates
+                    for i, r in enumerate(rho):
+                        others = (graph.symbol(f"{x}{k + 1}") * (r * s) for k, s in enumerate(rho) if k != i)
+                        found[i, at] = sum(others, graph.constant(0.0))
+        return found
+
+    @cached_property
+    def _motors(self) -> list[tuple[float, ...]]:
+        """Ratios of the coupled motors that have a Coulomb column."""
+        return [column.ratios for column in self.columns if column.kind == "Fsm"]
+
+    @property
+    def signs(self) -> int:
+        """Number of signs: of each joint, then of each coupled motor."""
+        return len(self.revolute) + len(self._motors)
+
+    def speeds(self, dq: np.ndarray) -> np.ndarray:
+        """(…, signs) speeds of the joints and of the coupled motors, whose signs the Coulomb columns hold."""
+        return np.concatenate([dq, dq @ np.transpose(self._motors)], axis=-1) if self._motors else dq
 
     def energy(self, out: np.ndarray, dq: np.ndarray) -> None:
         """Fill out (N, len(names)) with stored energy: the cross terms of coupled motors' inertia, zero elsewhere."""

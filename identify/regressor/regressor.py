@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from identify.regressor.backend import Backend
 from identify.regressor.columns import JointColumns, Sign
 from identify.regressor.dependence import dependent_columns
 from identify.regressor.kernel import Kernel, blocks
@@ -15,6 +17,8 @@ from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Graph, Scalar
 from identify.symbolic.newton_euler import direct_torque, torque_regressor
+from identify.symbolic.operations import lifted
+from identify.symbolic.polarisation import bilinear_in_rates
 
 
 class Regressor:
@@ -31,24 +35,25 @@ class Regressor:
     own.
     """
 
-    def __init__(self, robot: Robot, friction: bool = True) -> None:
+    def __init__(self, robot: Robot, friction: bool = True, compiler: bool | None = None) -> None:
         self.robot = robot
         self.base = base_parameters(robot)
-        n, kept = robot.n, self.base.kept
-        graph = Graph()
-        entries = torque_regressor(graph, robot, kept)
-        column = {standard: at for at, standard in enumerate(kept)}
-        self._torque = Kernel(graph, {(i, column[c]): e for (i, c), e in entries.items()}, n, ("q", "dq", "ddq"))
-        energies = energy_regressor(graph, robot)
-        self._energy = Kernel(graph, {(0, at): energies[c] for at, c in enumerate(kept)}, n, ("q", "dq"))
+        self._backend = Backend(compiler)
         self.extra = JointColumns.of(robot) if friction else None
         self.dropped: dict[str, dict[str, float]] = {}
         candidates = self.extra.doubtful if self.extra else ()
         if self.extra and candidates:
             self.dropped = dependent_columns(self._random_samples(), self.names, candidates)
-            self.extra = self.extra.without(self.dropped)
+            if self.dropped:
+                self.extra = self.extra.without(self.dropped)
+                del self._torque, self.names, self.p  # made with all columns
 
     @property
+    def backend(self) -> str:
+        """What computes: "C (its compiler)", or "NumPy" with the reason."""
+        return str(self._backend)
+
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """(p,) names of the columns."""
         return self.base.names + self._extra_names
@@ -62,7 +67,7 @@ class Regressor:
         """(p,) units of the parameters."""
         return self.base.units + (self.extra.units if self.extra else ())
 
-    @property
+    @cached_property
     def p(self) -> int:
         """Number of columns."""
         return len(self.names)
@@ -93,12 +98,17 @@ class Regressor:
         Coulomb columns' function of the velocity, exact by default (sign(0) = 0).
         """
         q, dq, ddq, single = _samples(self.robot.n, q, dq, ddq)
-        full = _destination(out, (len(q), self.robot.n, self.p), single)
-        evaluate = self._torque.workspace(len(q))
+        if single:
+            if out is not None:
+                _check(out, (self.robot.n, self.p))
+            return self._torque.one(out, q, dq, ddq, *self._signs(dq, sign))
+        if out is None:
+            out = np.empty((len(q), self.robot.n, self.p))
+        _check(out, (len(q), self.robot.n, self.p))
+        fill = self._torque.filler(out)
         for rows in blocks(len(q)):
-            values = evaluate(q[rows], dq[rows], ddq[rows])
-            self._fill(full[rows], values, dq[rows], ddq[rows], sign)
-        return full[0] if single and out is None else full if out is None else out
+            fill(rows, q[rows], dq[rows], ddq[rows], *self._signs(dq[rows], sign))
+        return out
 
     def energy(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
         """Energy functions h [2.93] of the base parameters, up to a constant: (p,) for one sample, (N, p) for many.
@@ -106,14 +116,13 @@ class Regressor:
         State functions alone: friction and offset columns are zero.
         """
         q, dq, single = _samples(self.robot.n, q, dq)
-        full = np.zeros((len(q), self.p))
-        inertial = len(self.base.names)
-        evaluate = self._energy.workspace(len(q))
+        if single:
+            return self._energy.one(None, q, dq)[0]
+        full = np.empty((len(q), 1, self.p))
+        fill = self._energy.filler(full)
         for rows in blocks(len(q)):
-            full[rows, self._energy.column] = evaluate(q[rows], dq[rows]).T
-            if self.extra:
-                self.extra.energy(full[rows, inertial:], dq[rows])
-        return full[0] if single else full
+            fill(rows, q[rows], dq[rows])
+        return full[:, 0]
 
     def power(self, dq: np.ndarray, sign: Sign = np.sign) -> np.ndarray:
         """Power q̇ᵀΓ [W] per unit of each friction and offset parameter, zero for inertial ones: (p,) or (N, p).
@@ -121,11 +130,13 @@ class Regressor:
         q̇ᵀΓ = d(energy·θ)/dt + power·θ.
         """
         dq, single = _samples(self.robot.n, dq)
+        if single:
+            return self.power(dq[None], sign)[0]
         full = np.zeros((len(dq), self.p))
         if self.extra:
             for rows in blocks(len(dq)):
                 self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign)
-        return full[0] if single else full
+        return full
 
     def slotine_li(
         self, q: np.ndarray, dq: np.ndarray, dq_ref: np.ndarray, ddq_ref: np.ndarray, sign: Sign = np.sign
@@ -136,16 +147,13 @@ class Regressor:
         it: C(q,u)·v = ¼ [C(q,u+v)·(u+v) − C(q,u−v)·(u−v)] (Slotine & Li 1987).
         """
         q, dq, dq_ref, ddq_ref, single = _samples(self.robot.n, q, dq, dq_ref, ddq_ref)
-        full = _destination(None, (len(q), self.robot.n, self.p), single)
-        evaluate = self._torque.workspace(len(q))
+        if single:
+            return self._slotine_li.one(None, q, dq, dq_ref, ddq_ref, *self._signs(dq, sign))
+        full = np.empty((len(q), self.robot.n, self.p))
+        fill = self._slotine_li.filler(full)
         for rows in blocks(len(q)):
-            here, u, v = q[rows], dq[rows], dq_ref[rows]
-            still = np.zeros_like(here)
-            values = evaluate(here, still, ddq_ref[rows]).copy()
-            values += 0.25 * evaluate(here, u + v, still)
-            values -= 0.25 * evaluate(here, u - v, still)
-            self._fill(full[rows], values, u, ddq_ref[rows], sign)
-        return full[0] if single else full
+            fill(rows, q[rows], dq[rows], dq_ref[rows], ddq_ref[rows], *self._signs(dq[rows], sign))
+        return full
 
     def inverse_dynamics(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray, sign: Sign = np.sign
@@ -158,15 +166,63 @@ class Regressor:
         theta = np.asarray(theta, dtype=float)
         if theta.shape != (self.p,):
             raise ValueError(f"theta has shape {theta.shape}; expected ({self.p},), in the order of Regressor.names")
-        inertial = len(self.base.names)
-        effort = np.zeros((len(q), self.robot.n))
-        evaluate = self._recurrence.workspace(len(q))
+        if single:
+            return self._recurrence.one(None, q, dq, ddq, *self._signs(dq, sign), constants=theta)[:, 0]
+        effort = np.empty((len(q), self.robot.n, 1))
+        fill = self._recurrence.filler(effort)
         for rows in blocks(len(q)):
-            values = evaluate(q[rows], dq[rows], ddq[rows], constants=theta[:inertial])
-            effort[rows, self._recurrence.row] = values.T
-            if self.extra:
-                self.extra.add_effort(effort[rows], dq[rows], ddq[rows], theta[inertial:], sign)
-        return effort[0] if single else effort
+            fill(rows, q[rows], dq[rows], ddq[rows], *self._signs(dq[rows], sign), constants=theta)
+        return effort[:, :, 0]
+
+    def _signs(self, dq: np.ndarray, sign: Sign) -> tuple[np.ndarray, ...]:
+        """The signs that the Coulomb columns read, as one more signal where there are any."""
+        return (sign(self.extra.speeds(dq)),) if self.extra else ()
+
+    def _kernel(
+        self, graph: Graph, entries: Mapping[tuple[int, int], Scalar], prefixes: Sequence[str], **more: Any
+    ) -> Kernel:
+        signs = self.extra.signs if self.extra and len(prefixes) > 2 else 0
+        return Kernel(graph, entries, self.robot.n, prefixes, signs=signs, backend=self._backend, **more)
+
+    def _with_columns(
+        self, graph: Graph, entries: dict[tuple[int, int], Scalar], accelerations: str = "ddq"
+    ) -> dict[tuple[int, int], Scalar]:
+        """The entries of the base parameters' columns, and those of the joints' columns behind them, row by row."""
+        columns = self.extra.entries(graph, "dq", accelerations) if self.extra else {}
+        inertial = len(self.base.names)
+        return dict(sorted((entries | {(i, inertial + at): e for (i, at), e in columns.items()}).items()))
+
+    def _inertial(self, graph: Graph) -> dict[tuple[int, int], Scalar]:
+        column = {standard: at for at, standard in enumerate(self.base.kept)}
+        return {(i, column[c]): e for (i, c), e in torque_regressor(graph, self.robot, self.base.kept).items()}
+
+    @cached_property
+    def _torque(self) -> Kernel:
+        graph = Graph()
+        entries = self._with_columns(graph, self._inertial(graph))
+        return self._kernel(graph, entries, ("q", "dq", "ddq"), shape=(self.robot.n, self.p))
+
+    @cached_property
+    def _energy(self) -> Kernel:
+        graph = Graph()
+        energies = energy_regressor(graph, self.robot)
+        entries: dict[tuple[int, int], Scalar] = {(0, at): energies[c] for at, c in enumerate(self.base.kept)}
+        if self.extra:
+            # The cross terms of a coupled motor's inertia: half their power with q̇ for q̈.
+            stored = self.extra.entries(graph, "dq", "dq")
+            for at, column in enumerate(self.extra.columns):
+                if column.kind == "Iam":
+                    works = (0.5 * graph.symbol(f"dq{i + 1}") * stored[i, at] for i in range(self.robot.n))
+                    entries[0, len(self.base.names) + at] = sum(works, graph.constant(0.0))
+        return self._kernel(graph, entries, ("q", "dq"), shape=(1, self.p))
+
+    @cached_property
+    def _slotine_li(self) -> Kernel:
+        graph = Graph()
+        inertial = self._inertial(graph)
+        polar = bilinear_in_rates(lifted(graph, inertial.values()), self.robot.n)
+        entries = self._with_columns(graph, dict(zip(inertial, polar, strict=True)), "ddqr")
+        return self._kernel(graph, entries, ("q", "dq", "dqr", "ddqr"), shape=(self.robot.n, self.p))
 
     @cached_property
     def _recurrence(self) -> Kernel:
@@ -175,16 +231,12 @@ class Regressor:
         standard: list[Scalar] = [0] * (11 * self.robot.n)
         for at, c in enumerate(self.base.kept):
             standard[c] = graph.symbol(f"K{at + 1}")
-        entries = {(j, 0): effort for j, effort in enumerate(direct_torque(graph, self.robot, standard))}
-        return Kernel(graph, entries, self.robot.n, ("q", "dq", "ddq"), len(self.base.kept))
-
-    def _fill(self, full: np.ndarray, values: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: Sign) -> None:
-        """Put a block's entries (entries, m) and its friction columns where they belong in full (m, n, p)."""
-        inertial = len(self.base.names)
-        full[:, :, :inertial] = 0.0
-        full[:, self._torque.row, self._torque.column] = values.T
+        effort = direct_torque(graph, self.robot, standard)
         if self.extra:
-            self.extra.torque(full[:, :, inertial:], dq, ddq, sign)
+            for (j, at), column in self.extra.entries(graph).items():
+                effort[j] = effort[j] + column * graph.symbol(f"K{len(self.base.names) + at + 1}")
+        entries = {(j, 0): x for j, x in enumerate(effort)}
+        return self._kernel(graph, entries, ("q", "dq", "ddq"), constants=self.p, shape=(self.robot.n, 1))
 
     def _random_samples(self) -> np.ndarray:
         """(rows, p) of the torque regressor at random states, twice as many rows as columns at least."""
@@ -199,19 +251,19 @@ def _friction(drive: Drive) -> tuple[tuple[str, float], ...]:
 
 
 def _samples(n: int, *signals: np.ndarray) -> tuple:
-    """The signals as (N, n) float arrays, and whether they came as single samples."""
-    arrays = [np.asarray(s, dtype=float) for s in signals]
-    if any(a.shape != arrays[0].shape for a in arrays) or arrays[0].ndim not in (1, 2) or arrays[0].shape[-1] != n:
-        shapes = ", ".join(str(a.shape) for a in arrays)
-        raise ValueError(f"arrays of shapes {shapes}; expected ({n},) or (N, {n}), all alike")
-    return (*(np.atleast_2d(a) for a in arrays), arrays[0].ndim == 1)
+    """The signals as arrays, (n,) or (N, n), and whether they are single samples."""
+    try:
+        shapes = [signal.shape for signal in signals]
+    except AttributeError:
+        signals = tuple(np.asarray(signal, dtype=float) for signal in signals)
+        shapes = [signal.shape for signal in signals]
+    shape = shapes[0]
+    if shapes.count(shape) != len(shapes) or len(shape) not in (1, 2) or shape[-1] != n:
+        raise ValueError(f"arrays of shapes {', '.join(map(str, shapes))}; expected ({n},) or (N, {n}), all alike")
+    return (*signals, len(shape) == 1)
 
 
-def _destination(out: np.ndarray | None, shape: tuple[int, int, int], single: bool) -> np.ndarray:
-    """The array (N, n, p) to fill: a new one, or a view of `out`, which must have the result's shape and be float."""
-    if out is None:
-        return np.empty(shape)
-    expected = shape[1:] if single else shape
-    if out.shape != expected or out.dtype != np.float64:
-        raise ValueError(f"out is {out.dtype} of shape {out.shape}; expected float64 of shape {expected}")
-    return out[None] if single else out
+def _check(out: np.ndarray, shape: tuple[int, ...]) -> None:
+    """ValueError unless `out` has the result's shape and is float."""
+    if out.shape != shape or out.dtype != np.float64:
+        raise ValueError(f"out is {out.dtype} of shape {out.shape}; expected float64 of shape {shape}")

@@ -1,5 +1,5 @@
-"""Expressions printed as code: NumPy code that works on blocks of samples without allocating, and plain Python code
-for one sample, where NumPy's overhead would be most of the time."""
+"""Expressions printed as code: NumPy code that works on blocks of samples without allocating, plain Python code for
+one sample, where NumPy's overhead would be most of the time, and C99 for a few samples side by side."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ UFUNCS = {"add": "add", "sub": "subtract", "mul": "multiply", "neg": "negative",
 
 Block = Callable[[Sequence[np.ndarray | float] | np.ndarray, np.ndarray, np.ndarray], None]
 
-PYTHON = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "neg": "-{}", "cos": "cos({})", "sin": "sin({})"}
+INFIX = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "neg": "-{}"}
 
 
 def numpy_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[str, int]:
@@ -79,17 +79,48 @@ def python_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expres
     lines = [f"def {name}(x):"]
     if inputs:
         lines.append(f"    {''.join(f'x{k}, ' for k in range(len(inputs)))}= x")
+    work, values = statements(outputs, lambda symbol: f"x{inputs[symbol]}")
+    lines += [f"    {temporary} = {value}" for temporary, value in work]
+    return "\n".join([*lines, f"    return ({''.join(f'{value}, ' for value in values)})"]) + "\n"
+
+
+def c_source(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression], lanes: int) -> str:
+    """Source of `static void name(const double x[][lanes], double out[][lanes])`, one variable a row as in
+    `numpy_source`, one sample a lane. The loop over the lanes is what a compiler turns into vector instructions."""
+    work, values = statements(outputs, lambda symbol: f"x[{inputs[symbol]}][k]")
+    lines = [
+        f"static void {name}(const double x[restrict][{lanes}], double out[restrict][{lanes}])",
+        "{",
+        f"    for (int k = 0; k < {lanes}; ++k) {{",
+        *(f"        const double {temporary} = {value};" for temporary, value in work),
+        *(f"        out[{row}][k] = {value};" for row, value in enumerate(values)),
+    ]
+    return "\n".join([*lines, "    }", "}"]) + "\n"
+
+
+def statements(
+    outputs: Sequence[Expression], leaf: Callable[[str], str], call: Callable[[str], str] = str
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """([(temporary, its value)] in the order of computing, the outputs' values), as Python and C both write them.
+
+    `leaf` gives a symbol's text, `call` the name of "cos" and "sin". Temporaries are numbered from 1, so that the text
+    depends on the expressions alone and not on what else their graph holds.
+    """
     place: dict[int, str] = {}
+    lines: list[tuple[str, str]] = []
     for i in reachable(outputs[0].graph, outputs) if outputs else []:
         node = outputs[0].graph.nodes[i]
-        if node[0] == "constant":
-            place[i] = repr(node[1])
-        elif node[0] == "symbol":
-            place[i] = f"x{inputs[node[1]]}"
-        else:
-            place[i] = f"v{i}"
-            lines.append(f"    v{i} = {PYTHON[node[0]].format(*(place[k] for k in arguments(node)))}")
-    return "\n".join([*lines, f"    return ({''.join(f'{place[e.index]}, ' for e in outputs)})"]) + "\n"
+        match node[0]:
+            case "constant":
+                place[i] = repr(node[1]) if node[1] >= 0 else f"({node[1]!r})"
+            case "symbol":
+                place[i] = leaf(node[1])
+            case operation:
+                x = [place[k] for k in arguments(node)]
+                pattern = INFIX.get(operation) or f"{call(operation)}({{}})"
+                place[i] = f"t{len(lines) + 1}"
+                lines.append((place[i], pattern.format(*x)))
+    return lines, [place[e.index] for e in outputs]
 
 
 def compiled(name: str, inputs: Mapping[str, int], outputs: Sequence[Expression]) -> tuple[Block, int]:

@@ -55,7 +55,9 @@ def test_columns_are_those_of_the_run_time_regressor_but_for_the_sign() -> None:
     ratios = np.array([12.0, -40.0, 25.0]) / 25.0
 
     def smooth(speed: np.ndarray) -> np.ndarray:
-        # motors come as one row of speeds, joints one by one: each by its own width
+        # the speeds of joints, then of motors: each by its own width
+        if speed.ndim == 2:
+            return np.column_stack([smooth(column) for column in speed.T])
         for values, scale in (*zip(dq, width, strict=True), (ratios @ dq, np.abs(ratios) @ width)):
             if np.array_equal(values, speed) or np.allclose(values, speed, rtol=1e-12):
                 return np.tanh(speed / scale)

@@ -14,6 +14,7 @@ from identify.regressor.columns import JointColumns
 from identify.regressor.dependence import dependent_columns
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Drive, Joint, Robot, Transmission
+from identify.symbolic.expression import Graph, evaluate
 
 
 def with_motors(robot: Robot, rows: list[list[float]]) -> Robot:
@@ -32,10 +33,15 @@ def planar_arm(gravity: tuple[float, float, float], tilt: float = 0.0) -> Robot:
 
 def full_column(robot: Robot, name: str, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
     """(N, n) the column of that name as it is before anything is left out."""
-    columns = JointColumns.of(robot)
-    out = np.empty((len(dq), robot.n, len(columns.names)))
-    columns.torque(out, dq, ddq, np.sign)
-    return out[:, :, columns.names.index(name)]
+    columns, graph = JointColumns.of(robot), Graph()
+    out = np.zeros((len(dq), robot.n))
+    for (i, at), entry in columns.entries(graph).items():
+        if columns.names[at] == name:
+            signals = {"dq": dq, "ddq": ddq, "sign": np.sign(columns.speeds(dq))}
+            for k in range(len(dq)):
+                values = {f"{p}{j + 1}": x for p, signal in signals.items() for j, x in enumerate(signal[k])}
+                (out[k, i],) = evaluate([entry], values)
+    return out
 
 
 def rank(samples: np.ndarray) -> int:

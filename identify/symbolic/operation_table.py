@@ -5,17 +5,28 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import pi
+from typing import TYPE_CHECKING
 
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.direct_dynamics import equations, solution
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.geometry import symbolic_direct_geometry
+from identify.symbolic.jacobian import symbolic_matrix
+from identify.symbolic.lagrange import lagrange
+from identify.symbolic.model import entry_name
+from identify.symbolic.naming import graph_of
 from identify.symbolic.newton_euler import torque_regressor
-from identify.symbolic.operations import Operations, count, lifted
+from identify.symbolic.operations import Operations, count, lifted, written
 from identify.symbolic.polarisation import bilinear_in_rates
 from identify.symbolic.representative import customised_model, representative
 from identify.symbolic.simplification import simplified
+from identify.symbolic.trigonometry import algebra
+
+if TYPE_CHECKING:
+    import sympy
 
 SYMMETRIC_MOMENTS = ("MXR2", "MY2", "MYR3", "MYR5")
 """First moments that the chapter's RX-90 with symmetric links keeps, beside diagonal and actuator inertias."""
@@ -34,30 +45,65 @@ class Row:
 
 
 def operations(robot: Robot) -> tuple[Row, ...]:
-    """Operations of the robot's models: base parameters, no friction; lengths and parameters are constants.
+    """Operations of the robot's models: lengths and parameters are constants, base parameters unless said otherwise.
 
-    Inverse dynamics is counted with a wrench on the last link, as in the chapter; the symmetric-link row is there for
-    the chapter's robot alone.
+    Inverse dynamics is counted without friction, and with a wrench on the last link as in the chapter; direct dynamics
+    with friction. The symmetric-link row is there for the chapter's robot alone, geometry for robots without branches.
     """
     kept = base_parameters(robot).kept
     known = is_chapters_robot(robot)
-    rows = [Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None)]
+    rows = [] if any(joint.parent != j - 1 for j, joint in enumerate(robot.joints)) else _geometry(robot)
+    rows.append(Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None))
     if known:
         symmetric = _customised(robot, wrench=True, absent=symmetric_absent(robot))
         rows.append(Row("inverse dynamics, wrench, symmetric links", symmetric, CHAPTER["symmetric"]))
     graph = Graph()
     torque = lifted(graph, torque_regressor(graph, robot, kept).values())
     energy = energy_regressor(graph, robot)
+    both = Graph()
+    terms = lagrange(both, robot)
+    system = equations(both, robot)
+    solved = solution(*_symbols(robot, system))
     return (
         *rows,
         Row("inverse dynamics", _customised(robot)),
         Row("Coriolis and centrifugal effort", _customised(robot, ddq=False, gravity=False)),
         Row("gravity effort", _customised(robot, dq=False, ddq=False)),
         Row("inertia matrix", _count(inertia_matrix(graph, robot))),
+        Row("direct dynamics, friction", _sum(_count(list(system.values())), written(solved.values()))),
+        Row("Lagrange, standard parameters: A", _count(list(terms.inertia.values()))),
+        Row("Lagrange, standard parameters: C", _count(list(terms.coriolis.values()))),
+        Row("Lagrange, standard parameters: Q", _count(terms.gravity)),
         Row("torque regressor", _count(torque)),
         Row("Slotine-Li regressor", _count(bilinear_in_rates(torque, robot.n))),
         Row("energy regressor", _count(lifted(graph, (energy[c] for c in kept)))),
     )
+
+
+def _geometry(robot: Robot) -> list[Row]:
+    """Direct geometric model and Jacobian in the frame in the middle, as they are printed."""
+    pose = symbolic_direct_geometry(robot, placed=True).expressions.values()
+    space = algebra(robot)
+    velocity = space.to_joint_variables(symbolic_matrix(robot, robot.n // 2, None, space))
+    graph = Graph()
+    return [
+        Row("direct geometry", _count([graph_of(graph, e) for e in pose])),
+        Row("Jacobian, frame in the middle", _count([graph_of(graph, e) for e in velocity])),
+    ]
+
+
+def _symbols(robot: Robot, equations: dict[str, Expression]) -> tuple[list[list[sympy.Expr]], list[sympy.Expr]]:
+    """Names for what is not zero in A, and for the effort that is left when H is taken off."""
+    import sympy
+
+    n = robot.n
+    names = [[entry_name("A", n, min(i, k), max(i, k)) for k in range(n)] for i in range(n)]
+    a = [[sympy.Integer(0) if equations[x].value == 0 else sympy.Symbol(x) for x in row] for row in names]
+    return a, [sympy.Symbol(f"tau{j + 1}") - sympy.Symbol(f"H{j + 1}") for j in range(n)]
+
+
+def _sum(a: Operations, b: Operations) -> Operations:
+    return Operations(a.multiplications + b.multiplications, a.additions + b.additions, a.functions + b.functions)
 
 
 def table(rows: Sequence[Row]) -> str:

@@ -10,8 +10,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
+
+if TYPE_CHECKING:
+    import sympy
 
 VARIABLE = re.compile(r"(q|dq|ddq|dqr|ddqr|sign|F|N)\d+")
 """Symbols that change from sample to sample: q, its derivatives, their signs and references, the wrench."""
@@ -55,3 +59,13 @@ def count(outputs: list[Expression]) -> Operations:
     return Operations(
         kinds.count("mul"), kinds.count("add") + kinds.count("sub"), kinds.count("cos") + kinds.count("sin")
     )
+
+
+def written(expressions: Iterable[sympy.Expr]) -> Operations:
+    """Operations of sums and products of symbols as they stand; a quotient counts as a product."""
+    products = sums = 0
+    for whole in expressions:
+        for e in whole.as_ordered_terms():
+            products += sum(not factor.is_number for factor in e.as_ordered_factors()) - 1
+        sums += len(whole.as_ordered_terms()) - 1
+    return Operations(products, sums, 0)

@@ -112,15 +112,15 @@ class Kernel:
         out[self.row, self.column] = self._single(inputs.tolist())
         return out
 
-    def workspace(self, samples: int) -> Callable[..., np.ndarray]:
-        """A function of signals (m, n) each, m ≤ min(samples, BLOCK), and of constants, that returns the entries'
-        values (entries, m). They lie in a buffer that its next call uses again."""
+    def workspace(self, samples: int, place: np.ndarray, rows: int) -> Callable[..., np.ndarray]:
+        """A function of signals (m, n) each, m ≤ min(samples, BLOCK), and of constants, that returns (rows, m) with
+        the entries' values in the rows `place` (entries,); the others are the caller's. Its next call uses them again.
+        """
+        out = _buffer(rows, min(BLOCK, samples))
         native = self.compiled(samples)
         if native is None:
-            return self._in_numpy(samples)
-        size = min(BLOCK, samples)
-        out = _buffer(len(self.outputs), size)
-        where = np.arange(len(out)) * (out.strides[0] // out.itemsize)
+            return self._in_numpy(out, place)
+        where = place * (out.strides[0] // out.itemsize)
 
         def evaluate(*signals: np.ndarray, constants: np.ndarray | None = None) -> np.ndarray:
             native.many(out, 1, where, NOWHERE, signals, constants)
@@ -128,15 +128,16 @@ class Kernel:
 
         return evaluate
 
-    def _in_numpy(self, samples: int) -> Callable[..., np.ndarray]:
+    def _in_numpy(self, out: np.ndarray, place: np.ndarray) -> Callable[..., np.ndarray]:
         function, work_rows = self._block
-        size = min(BLOCK, samples)
-        x, out, work = (_buffer(rows, size) for rows in (self.signals, len(self.outputs), work_rows))
+        x, work = (_buffer(rows, out.shape[1]) for rows in (self.signals, work_rows))
 
         def evaluate(*signals: np.ndarray, constants: np.ndarray | None = None) -> np.ndarray:
             m = len(signals[0])
             np.concatenate([signal.T for signal in signals], out=x[:, :m])
-            function([*x[:, :m], *(() if constants is None else constants)], out[:, :m], work[:, :m])
+            function(
+                [*x[:, :m], *(() if constants is None else constants)], [out[row, :m] for row in place], work[:, :m]
+            )
             return out[:, :m]
 
         return evaluate
@@ -153,7 +154,8 @@ class Kernel:
                 native.many(out[rows], stride, where, blank, signals, constants)
 
             return fill_in_c
-        evaluate = self._in_numpy(len(out))
+        buffer = _buffer(len(self.outputs), min(BLOCK, len(out)))
+        evaluate = self._in_numpy(buffer, np.arange(len(buffer)))
 
         def fill(rows: slice, *signals: np.ndarray, constants: np.ndarray | None = None) -> None:
             out[rows] = 0.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -173,6 +173,28 @@ class Regressor:
         for rows in blocks(len(q)):
             fill(rows, q[rows], dq[rows], ddq[rows], *self._signs(dq[rows], sign), constants=theta)
         return effort[:, :, 0]
+
+    @cached_property
+    def supports(self) -> tuple[np.ndarray, ...]:
+        """Of each joint, the columns (s,) that its row of the torque regressor touches: those of the links it moves."""
+        kernel = self._torque
+        return tuple(kernel.column[kernel.row == j] for j in range(self.robot.n))
+
+    def rows(
+        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, effort: np.ndarray, sign: Sign = np.sign
+    ) -> Iterator[list[np.ndarray]]:
+        """Block by block of samples, each joint's rows of Γ = Y·θ, transposed: (s + 1, m) for m samples, the columns
+        of its support and then the effort. Signals and effort (N, n). The next block takes the place of the last."""
+        q, dq, ddq, effort, single = _samples(self.robot.n, q, dq, ddq, effort)
+        if single:
+            q, dq, ddq, effort = q[None], dq[None], ddq[None], effort[None]
+        ends = np.cumsum([len(support) + 1 for support in self.supports])
+        kernel = self._torque
+        evaluate = kernel.workspace(len(q), np.arange(len(kernel.row)) + kernel.row, int(ends[-1]))
+        for block in blocks(len(q)):
+            values = evaluate(q[block], dq[block], ddq[block], *self._signs(dq[block], sign))
+            values[ends - 1] = effort[block].T
+            yield np.split(values, ends[:-1])
 
     def _signs(self, dq: np.ndarray, sign: Sign) -> tuple[np.ndarray, ...]:
         """The signs that the Coulomb columns read, as one more signal where there are any."""

@@ -15,7 +15,7 @@ Single = Callable[[Sequence[float]], tuple[float, ...]]
 
 UFUNCS = {"add": "add", "sub": "subtract", "mul": "multiply", "neg": "negative", "cos": "cos", "sin": "sin"}
 
-Block = Callable[[Sequence[np.ndarray | float] | np.ndarray, np.ndarray, np.ndarray], None]
+Block = Callable[[Sequence[np.ndarray | float] | np.ndarray, Sequence[np.ndarray] | np.ndarray, np.ndarray], None]
 
 INFIX = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "neg": "-{}"}
 

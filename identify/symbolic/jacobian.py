@@ -91,14 +91,20 @@ def symbolic_matrix(robot: Robot, frame: int, point: int | None = None, space: A
     space = space or algebra(robot)
     point = robot.n if point is None else point
     columns = []
+    end = transform(robot, frame, point)[:3, 3]
     for k, joint in enumerate(robot.joints, start=1):
-        turn = transform(robot, frame, k)[:3, :3]
+        own = transform(robot, frame, k)
+        turn, axis = own[:3, :3], own[:3, 2]
         if joint.revolute:
-            p = transform(robot, k, point)[:3, 3]
-            columns.append(sympy.Matrix.vstack(p[0] * turn[:, 1] - p[1] * turn[:, 0], turn[:, 2]))
+            # The same velocity two ways: turned from R_k, and across the difference of two points in R_frame.
+            p, lever = transform(robot, k, point)[:3, 3], end - own[:3, 3]
+            velocity = p[0] * turn[:, 1] - p[1] * turn[:, 0]
+            entries = zip(velocity, axis.cross(lever), strict=True)
+            shortest = [min((shorter(space, e) for e in pair), key=lambda e: e.count_ops()) for pair in entries]
+            columns.append(sympy.Matrix([*shortest, *(shorter(space, e) for e in axis)]))
         else:
-            columns.append(sympy.Matrix.vstack(turn[:, 2], sympy.zeros(3, 1)))
-    return sympy.Matrix.hstack(*columns).applyfunc(lambda x: shorter(space, x))
+            columns.append(sympy.Matrix([*(shorter(space, e) for e in axis), 0, 0, 0]))
+    return sympy.Matrix.hstack(*columns)
 
 
 def shorter(space: Algebra, expression: sympy.Expr) -> sympy.Expr:

@@ -30,7 +30,7 @@ from identify.symbolic.geometry import letters
 from identify.symbolic.joint_effort import friction, joint_parameters, shared_inertia, signs
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import CORIOLIS, Result, SymbolicModel, entry_name, matrix, vector
-from identify.symbolic.naming import named, short_statements
+from identify.symbolic.naming import short_statements
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import directional
 from identify.symbolic.representative import parameter_name
@@ -174,17 +174,13 @@ def symbolic_lagrange(robot: Robot, which: str = "standard") -> SymbolicModel:
     n, graph = robot.n, Graph()
     terms = lagrange(graph, robot, which)
     upper = {entry_name("A", n, i, k): e for (i, k), e in terms.inertia.items()}
+    others = {f"tau_e{j + 1}": e for j, e in enumerate(terms.wrench)}
+    others |= {f"tau_f{j + 1}": e for j, e in enumerate(lifted(graph, friction(graph, robot)))}
     if sum(_terms(graph, list(upper.values()))) <= TERMS:
-        expressions = written_out(
-            n,
-            {(i, k): upper[entry_name("A", n, i, k)] for k in range(n) for i in range(k + 1)},
-            terms.potential,
-            {f"tau_e{j + 1}": e for j, e in enumerate(terms.wrench)},
-        )
+        expressions = written_out(n, terms.inertia, terms.potential, others)
     else:
         outputs = upper | {entry_name(CORIOLIS, n, i, k): e for (i, k), e in terms.coriolis.items()}
-        outputs |= {f"Q{j + 1}": e for j, e in enumerate(terms.gravity)} | {"U": terms.potential}
-        outputs |= {f"tau_e{j + 1}": e for j, e in enumerate(terms.wrench)}
+        outputs |= {f"Q{j + 1}": e for j, e in enumerate(terms.gravity)} | {"U": terms.potential} | others
         expressions = short_statements(outputs, velocities(robot) | second_moment_names(robot, which))
     dq = sympy.symbols([f"dq{j + 1}" for j in range(n)])
     ddq = sympy.symbols([f"ddq{j + 1}" for j in range(n)])
@@ -193,9 +189,7 @@ def symbolic_lagrange(robot: Robot, which: str = "standard") -> SymbolicModel:
     zero = {sympy.Symbol(name): e for name, e in expressions.items() if e == 0}
     a, c = a.xreplace(zero), c.xreplace(zero)
     kinetic = sympy.Add(*(a[i, k] * dq[i] * dq[k] / (2 if i == k else 1) for k in range(n) for i in range(k + 1)))
-    expressions |= {"E": kinetic} | signs(robot)
-    rubbing = named({f"tau_f{j + 1}": e for j, e in enumerate(lifted(graph, friction(graph, robot)))})
-    expressions |= rubbing
+    expressions = signs(robot) | expressions | {"E": kinetic}
     for i in range(n):
         own = sympy.Add(*(a[i, k] * ddq[k] + c[i, k] * dq[k] for k in range(n)))
         others = sympy.Add(*(sympy.Symbol(f"{x}{i + 1}") for x in ("Q", "tau_f", "tau_e")))

@@ -10,13 +10,17 @@ import pinocchio as pin
 import pytest
 import sympy
 from chains import random_chain
+from printed_models import printed
 from symbolic_models import Motion, function_of, states, tilted
 
 from identify.robot.library import load_robot
 from identify.robot.robot import Joint, Robot
+from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import dot, symbolic_links
 from identify.symbolic.energy import energy_functions, energy_regressor, inertia_transform, velocity_term
+from identify.symbolic.energy_model import symbolic_energy
 from identify.symbolic.expression import Expression, Graph, Scalar, evaluate
+from identify.symbolic.lagrange import symbolic_lagrange
 from identify.symbolic.newton_euler import direct_torque
 
 
@@ -164,3 +168,38 @@ def test_energy_functions_of_a_link_at_rest_are_its_weight() -> None:
     h = evaluate([graph.constant(0) + x for x in energy_functions(link)], zero | {"q2": np.pi / 2})
     # Joint 2 a quarter turn up: x3 points straight up, y3 level; O_3 stands 0.45 m above O_2.
     np.testing.assert_allclose(h, [0, 0, 0, 0, 0, 0, 9.81, 0, 0, 9.81 * 0.45], atol=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_printed_energy_is_lagranges(seed: int) -> None:
+    """H of the energy functions of the base parameters against E + U of all standard ones, up to a constant."""
+    rng = np.random.default_rng(seed)
+    robot = tilted(random_chain(rng, 3, special=seed % 2 == 0, tree=seed == 3)) if seed else load_robot("rx90")
+    model = symbolic_energy(robot)
+    energy, both = printed(model), printed(symbolic_lagrange(robot))
+    changes = []
+    for _ in range(2):
+        q, dq = rng.uniform(-1.5, 1.5, (2, robot.n))
+        here, there = energy(q=q, dq=dq), both(q=q, dq=dq)
+        values = dict(model.parameters)
+        names = base_parameters(robot).names
+        own = sum(h * values[name] for h, name in zip(here["h"], names, strict=True) if name in values)
+        assert here["H"] == pytest.approx(own, rel=1e-12)
+        changes.append((here["H"], there["E"] + there["U"]))
+    (a, b), (c, d) = changes
+    assert a - c == pytest.approx(b - d, rel=0, abs=1e-12 * max(abs(b), abs(d)))
+    assert abs(b - d) > 1e-3
+
+
+def test_energy_functions_of_the_rx90_as_printed() -> None:
+    """[2.93] of table 2.2's first and last columns by hand: half a square, and what Ia_j stores."""
+    model = symbolic_energy(load_robot("rx90"))
+    names = base_parameters(load_robot("rx90")).names
+    assert [f"h_{name}" for name in names] == [entry for r in model.results if r.name == "h" for entry in r.entries]
+    dq1, dq2, dq6, w, g3 = sympy.symbols("dq1 dq2 dq6 w2_1 G3")
+    assert model.expressions["h_ZZR1"] == dq1**2 / 2
+    assert model.expressions["h_ZZR2"] == dq2**2 / 2
+    assert model.expressions["h_Ia6"] == dq6**2 / 2
+    assert model.expressions["h_XXR2"] == w**2 / 2
+    assert model.expressions["h_MXR2"] == -g3 * sympy.Symbol("S2")
+    assert model.expressions["w2_1"] == sympy.Symbol("S2") * dq1

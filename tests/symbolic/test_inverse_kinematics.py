@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import sympy
@@ -20,6 +23,8 @@ from identify.symbolic.inverse_kinematics import (
     toward_manipulability,
 )
 from identify.symbolic.jacobian import jacobian
+
+ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
 
 def test_example_2_6() -> None:
@@ -49,6 +54,19 @@ def test_example_2_6() -> None:
     for i in range(6):
         for k in range(6):
             assert sympy.simplify(entries[f"K{i + 1}{k + 1}"] - chapter[i, k]) == 0, (i, k)
+
+
+@pytest.mark.parametrize("forearm", [0.45, 0.52])
+def test_stored_inverse(forearm: float) -> None:
+    file = ORACLES / f"rx90-geometry-0.45-{forearm}.json"
+    if not file.exists():
+        pytest.skip(f"{file} is not there")
+    known = json.loads(file.read_text())
+    model = symbolic_inverse_kinematics(rx90(known["RL4"]), 3)
+    values = dict(zip(model.inputs, known["q"], strict=True)) | dict(model.lengths)
+    point = {sympy.Symbol(name): sympy.Float(value) for name, value in values.items()}
+    found = np.array([float(e.xreplace(point)) for e in model.expressions.values()]).reshape(6, 6)
+    np.testing.assert_allclose(found, known["inv_3J6"], rtol=0, atol=1e-12 * np.abs(known["inv_3J6"]).max())
 
 
 @pytest.mark.parametrize("robot", [rx90(), STANFORD, PUMA, OFFSET_SHOULDER], ids=lambda r: r.name)

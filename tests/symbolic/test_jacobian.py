@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,21 @@ def test_example_2_4() -> None:
         [1, 1, 1],
     ]
     np.testing.assert_allclose(tool_jacobian(planar, q)[0][[0, 1, 5]], expected, rtol=0, atol=1e-15)
+
+
+def test_example_2_4_in_symbols() -> None:
+    """The same with letters for the segments: the end is the origin of a fourth frame, whose own column is left out."""
+    lengths = {"L1": 0.4, "L2": 0.3, "L3": 0.2}
+    rows = [("revolute", 0, d, 0, 0) for d in (0.0, *lengths.values())]
+    planar = arm("planar 3R", rows)
+    joints = [replace(j, symbols=(("d", name),)) for j, name in zip(planar.joints[1:], lengths, strict=True)]
+    entries = symbolic_jacobian(replace(planar, joints=(planar.joints[0], *joints)), 0).expressions
+    q1, q2, q3, l1, l2, l3 = sympy.symbols("q1 q2 q3 L1 L2 L3")
+    turns = ((l1, q1), (l2, q1 + q2), (l3, q1 + q2 + q3))
+    for k in range(3):
+        assert sympy.expand(entries[f"J1{k + 1}"] + sum(d * sympy.sin(q) for d, q in turns[k:])) == 0
+        assert sympy.expand(entries[f"J2{k + 1}"] - sum(d * sympy.cos(q) for d, q in turns[k:])) == 0
+        assert [entries[f"J{i}{k + 1}"] for i in (3, 4, 5, 6)] == [0, 0, 0, 1]
 
 
 def test_determinant_of_example_2_5() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from identify.codegen.angles import with_products
 from identify.codegen.inverse import Inverse, inverse, left_out
 from identify.regressor.columns import Column
 from identify.regressor.regressor import Regressor
@@ -81,7 +82,7 @@ def models(regressor: Regressor, theta: np.ndarray, covariance: np.ndarray | Non
 
 def _made(graph: Graph, entries: Mapping[int, Scalar]) -> dict[int, Expression]:
     """Simplified entries, without those that are zero."""
-    outputs = simplified(lifted(graph, entries.values()))
+    outputs = with_products(simplified(lifted(graph, entries.values())))
     return {at: e for at, e in zip(entries, outputs, strict=True) if e.value != 0}
 
 

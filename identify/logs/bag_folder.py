@@ -58,7 +58,11 @@ def _named(text: str) -> list[str]:
     found = _FILES.search(text)
     if found is None:
         return []
-    entries = found[2][1:-1].split(",") if found[2] else [line.split("-", 1)[1] for line in found[3].splitlines()]
+    entries = (
+        found[2][1:-1].split(",")
+        if found[2]
+        else [line.split("-", 1)[1] for line in found[3].split("\n") if line.strip()]
+    )
     return [entry.strip().strip("'\"") for entry in entries if entry.strip()]
 
 

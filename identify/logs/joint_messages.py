@@ -5,6 +5,8 @@ CDR messages of constant length are read in bulk by their layout; this is for al
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
 import re
@@ -28,17 +30,6 @@ _SECOND = joint_state.NANOSECONDS
 _LATEST = 1 << 62
 _ZSTD = b"\x28\xb5\x2f\xfd"
 _LARGEST = 1 << 20
-_UNREADABLE = (
-    struct.error,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-    MemoryError,
-)
 _JSON_NAME = re.compile(r"joint_?states?$", re.IGNORECASE)
 
 
@@ -96,7 +87,8 @@ def _guarded(make: Callable[[], Callable[[bytes], State]]) -> Callable[[bytes], 
             if not made:
                 made.append(make())
             state = made[0](_unpacked(message))
-        except _UNREADABLE:
+        except Exception:
+            # Decoders of others raise what they like on bytes that are no message.
             return None
         return state if state.joints and abs(state.stamp) < _LATEST else None
 
@@ -136,7 +128,11 @@ def _ros2(text: str, name: str, state: Callable[[Any], State]) -> Callable[[byte
     from mcap.records import Schema
     from mcap_ros2.decoder import DecoderFactory
 
-    decode = DecoderFactory().decoder_for("cdr", Schema(id=1, data=text.encode(), encoding="ros2msg", name=name))
+    # Its parser knows types without the middle part, and prints what it does not know.
+    text = re.sub(r"\b(\w+)/msg/(\w+)", r"\1/\2", text)
+    schema = Schema(id=1, data=text.encode(), encoding="ros2msg", name=name)
+    with contextlib.redirect_stderr(io.StringIO()):
+        decode = DecoderFactory().decoder_for("cdr", schema)
     if decode is None:
         raise ValueError(f"mcap-ros2-support has no decoder for {name}")
     return lambda message: state(decode(message))

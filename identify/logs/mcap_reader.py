@@ -6,7 +6,7 @@ Messages of constant length are decoded in bulk; anything else one by one.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 from identify.errors import LogError
 from identify.logs import joint_state
 from identify.logs.damage import Damage, describe
-from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, kind_of
+from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, State, kind_of
 from identify.logs.joint_series import Block, Series
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
@@ -27,6 +27,7 @@ _LAYOUTS_PER_RUN = 8
 _LAYOUTS_KEPT = 64
 _SERIES_KEPT = 256
 _UNPACKED = 4
+_ONES_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -266,9 +267,39 @@ def _blocks(
         if whole:
             return found
         payloads, places, log_times = payloads[~same], places[~same], log_times[~same]
-    for payload, place, log_time in zip(payloads, places, log_times, strict=True):
-        found.append((place[None], _decode_one(kind.decode, payload.tobytes(), log_time)))
+    found.extend(_one_by_one(payloads, places, log_times, kind))
     return found
+
+
+def _one_by_one(
+    payloads: np.ndarray, places: np.ndarray, log_times: np.ndarray, kind: Kind
+) -> Iterator[tuple[np.ndarray, Block | None]]:
+    """The same for messages without a layout."""
+    for start in range(0, len(payloads), _ONES_AT_ONCE):
+        groups: dict[Any, list[tuple[int, State]]] = {}
+        lost = []
+        for k, payload in enumerate(payloads[start : start + _ONES_AT_ONCE], start):
+            state = kind.decode(payload.tobytes())
+            if state is None:
+                lost.append(k)
+            else:
+                groups.setdefault((state.joints, state.velocity is None, state.effort is None), []).append((k, state))
+        for (joints, *_), members in groups.items():
+            which = np.array([k for k, _ in members])
+            states = [state for _, state in members]
+            velocity, effort = (
+                None if getattr(states[0], name) is None else np.array([getattr(state, name) for state in states])
+                for name in ("velocity", "effort")
+            )
+            stamp = np.array([state.stamp for state in states], dtype=np.int64)
+            position = np.array([state.position for state in states])
+            yield places[which], Block(joints, stamp, log_times[which], position, velocity, effort)
+        if not groups:
+            # So many in a row are of another kind altogether.
+            yield places[start:], None
+            return
+        if lost:
+            yield places[np.array(lost)], None
 
 
 def _in_bulk(known: joint_state.Layout, payloads: np.ndarray, log_times: np.ndarray) -> Block:
@@ -291,15 +322,6 @@ def _layout_of(
         layouts.insert(0, parsed)
         del layouts[_LAYOUTS_KEPT:]
     return parsed
-
-
-def _decode_one(decode: Callable[[bytes], Any], payload: bytes, log_time: int) -> Block | None:
-    state = decode(payload)
-    if state is None:
-        return None
-    velocity, effort = (None if values is None else np.array([values]) for values in (state.velocity, state.effort))
-    times = np.array([state.stamp], dtype=np.int64), np.array([log_time], dtype=np.int64)
-    return Block(state.joints, *times, np.array([state.position]), velocity, effort)
 
 
 def _choose(source: Path, found: _Gathered, findings: list[str]) -> Series:

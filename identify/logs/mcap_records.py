@@ -35,7 +35,9 @@ LARGEST_RECORD = 1 << 28
 
 _CHUNK_HEAD = struct.Struct("<QQQII")
 _LOOSE_BYTES = 1 << 20
+_MOST_COMPRESSED = 512
 _MOST_DEFINITIONS = 1 << 17
+_MOST_RUNS = 1 << 22
 # Plain numbers, as a member of an enumeration takes longer to look up than to compare.
 _MESSAGE, _CHUNK, _MESSAGE_INDEX = int(Opcode.MESSAGE), int(Opcode.CHUNK), int(Opcode.MESSAGE_INDEX)
 _DATA_END, _FOOTER, _HEADER = int(Opcode.DATA_END), int(Opcode.FOOTER), int(Opcode.HEADER)
@@ -305,6 +307,8 @@ def _chunk(
             raise ValueError(f"compression {compression!r} is unknown")
         if size > LARGEST_RECORD:
             raise ValueError("it claims more than 256 MiB")
+        if size > _LOOSE_BYTES and size > _MOST_COMPRESSED * len(data):
+            raise ValueError("it claims to be packed more tightly than joint states can be")
         content = decompress[compression](data, size)
         if len(content) != size:
             raise ValueError("it unpacks to another size than it says")
@@ -408,7 +412,7 @@ def _by_walking(content: bytes | memoryview, view: np.ndarray) -> tuple[np.ndarr
     offsets, lengths = array("q"), array("q")
     others: list[int] = []
     reason = ""
-    here, size = 0, len(content)
+    here, size, runs = 0, len(content), 0
     while here < size:
         opcode, length = RECORD_HEAD.unpack_from(content, here) if here + RECORD_HEAD.size <= size else (0, 0)
         step = RECORD_HEAD.size + length
@@ -424,7 +428,11 @@ def _by_walking(content: bytes | memoryview, view: np.ndarray) -> tuple[np.ndarr
                 offsets.frombytes(np.arange(here, here + step * count, step, dtype=np.int64).tobytes())
                 lengths.frombytes(np.full(count, step, dtype=np.int64).tobytes())
             here += step * count
-            continue
+            runs += 1
+            if runs < _MOST_RUNS:
+                continue
+            reason = "a chunk holds more messages than can be told apart without its index"
+            break
         if opcode not in _DEFINITIONS or len(others) == _MOST_DEFINITIONS:
             reason = "a chunk holds something else than messages"
             break

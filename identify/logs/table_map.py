@@ -21,6 +21,7 @@ EXAMPLE = (
 )
 """The shortest map, for messages."""
 
+_LETTERS = 200
 MOTOR, JOINT = "motor", "joint"
 _KEYS = ("rate_hz", "time", "side", "joints", "position", "velocity", "effort", "offset", "transmission")
 _UNITS = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0}
@@ -79,8 +80,8 @@ def load_map(path: str | os.PathLike[str]) -> TableMap:
         raise LogError(f"{path}: there is no such map of a table; check the name given with --map") from error
     except OSError as error:
         raise LogError(f"{path}: the map can't be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: the map is not valid TOML: {printable(str(error))}") from error
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"{path}: the map is not valid TOML: {printable(str(error))[:_LETTERS]}") from error
     return parse_map(entries, str(path))
 
 

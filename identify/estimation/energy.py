@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from identify.errors import UnsupportedLogError
 from identify.estimation.least_squares import Estimate, rows_per_effective_sample, scaled_solution
-from identify.estimation.observation import END_S, Signals, signals
+from identify.estimation.observation import END_S, Signals, signal_pieces
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
@@ -33,11 +34,23 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
     """The log's energy rows over windows of settings.window_s, position low-passed at energy_cutoff_hz."""
     assert settings.window_s is not None
     assert settings.energy_cutoff_hz is not None
-    s = signals(log, replace(settings, position_cutoff_hz=settings.energy_cutoff_hz))
-    width = max(1, round(settings.window_s * s.rate))
-    first = round(END_S * s.rate)
-    windows = (len(s.time) - 2 * first - 1) // width
-    edges = first + width * np.arange(windows + 1)
+    used = replace(settings, position_cutoff_hz=settings.energy_cutoff_hz)
+    parts = []
+    # A window belongs to the piece in which it starts, and may end in the next.
+    for s in signal_pieces(log, used, settings.window_s + 0.1):
+        width, end = max(1, round(settings.window_s * s.rate)), round(END_S * s.rate)
+        begin, stop = s.first + s.inside.start - end, s.first + s.inside.stop - end
+        windows = (s.total - 2 * end - 1) // width
+        edges = width * np.arange(max(0, -(-begin // width)), min(windows, -(-stop // width)) + 1) + end - s.first
+        if len(edges) > 1:
+            parts.append(_windows(regressor, s, edges, width))
+    if not parts:
+        raise UnsupportedLogError(f"0 equations are left for {regressor.p} parameters: record a longer motion")
+    return stacked_energy(parts)
+
+
+def _windows(regressor: Regressor, s: Signals, edges: np.ndarray, width: int) -> EnergyObservation:
+    """The rows between consecutive edges, indices into the signals, `width` apart."""
     matrix = np.diff(regressor.energy(s.q[edges], s.dq[edges]), axis=0)
     taken = _integrals(regressor.power(s.dq), s, edges)
     work = _integrals((s.dq * s.effort).sum(axis=1, keepdims=True), s, edges)[:, 0]
@@ -45,7 +58,7 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
 
 
 def stacked_energy(observations: list[EnergyObservation]) -> EnergyObservation:
-    """The rows of several logs as one observation."""
+    """The rows of several parts as one observation."""
     return EnergyObservation(
         np.concatenate([o.matrix for o in observations]),
         np.concatenate([o.work for o in observations]),

@@ -16,7 +16,8 @@ from identify.estimation.energy import (
     stacked_energy,
 )
 from identify.estimation.least_squares import Estimate, ordinary_least_squares, weighted_least_squares
-from identify.estimation.observation import Observation, stacked, torque_observation
+from identify.estimation.observation import torque_blocks, torque_residual
+from identify.estimation.reduction import Reduction, reduced
 from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
@@ -85,7 +86,7 @@ def fit_models(
     if progress:
         progress(0.95, "energy model")
     try:
-        energy, windows = fit_energy(regressor, logs, settings)
+        energy, windows = fit_energy(regressor, logs, sample, settings)
         tried = tried + windows
     except UnsupportedLogError as error:
         if model == "energy":
@@ -107,14 +108,14 @@ def liveliest(log: Log, seconds: float) -> Log:
 
 def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, estimator: str) -> ModelFit:
     """The torque model with given settings."""
-    observation = stacked([torque_observation(regressor, log, settings) for log in logs])
+    reduction = reduced(torque_blocks(regressor, logs, settings))
     solve = {"ols": ordinary_least_squares, "wls": weighted_least_squares}[estimator]
-    estimate = solve(observation)
-    require_explained(observation, estimate)
+    estimate = solve(reduction, lambda parameters: torque_residual(regressor, logs, settings, parameters))
+    require_explained(reduction, estimate)
     return ModelFit("torque", estimate, settings, ESTIMATORS[estimator])
 
 
-def require_explained(observation: Observation, estimate: Estimate) -> None:
+def require_explained(reduction: Reduction, estimate: Estimate) -> None:
     """UnsupportedLogError where the motion explains no more of the effort than as many random columns would.
 
     F-test of the regression against one constant a joint, each joint's rows in units of its residual's standard
@@ -123,14 +124,13 @@ def require_explained(observation: Observation, estimate: Estimate) -> None:
     """
     from scipy.special import fdtrc
 
-    residuals = [b - a @ estimate.parameters for a, b in zip(observation.matrix, observation.effort, strict=True)]
-    sigma = np.maximum(estimate.sigma, 1e-300)
-    left = sum(r @ r / s**2 for r, s in zip(residuals, sigma, strict=True))
+    variance = np.maximum(estimate.sigma, 1e-300) ** 2
+    left = float((reduction.residual_power(estimate.parameters) / variance).sum())
     total = 0.0
-    for b, counted, s in zip(observation.effort, observation.weight.T, sigma, strict=True):
-        total += (b @ b - (counted @ b) ** 2 / max(counted @ counted, 1e-300)) / s**2
+    for b, counted, v in zip(reduction.effort.T, reduction.weight.T, variance, strict=True):
+        total += (b @ b - (counted @ b) ** 2 / max(counted @ counted, 1e-300)) / v
     free = max(estimate.effective_samples - len(estimate.parameters), 1.0)
-    p = len(estimate.parameters) - len(sigma)
+    p = len(estimate.parameters) - len(variance)
     if left > 0 and fdtrc(p, free, (total - left) / p / (left / free)) > CHANCE:
         raise UnsupportedLogError(
             "the motion does not explain the effort better than chance would: "
@@ -138,9 +138,11 @@ def require_explained(observation: Observation, estimate: Estimate) -> None:
         )
 
 
-def fit_energy(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> tuple[ModelFit, list[dict[str, Any]]]:
-    """The energy model, its window chosen on the training logs; and the windows tried."""
-    chosen, tried = choose_window(regressor, logs, replace(settings, coulomb_velocity=None))
+def fit_energy(
+    regressor: Regressor, logs: Sequence[Log], sample: Sequence[Log], settings: Settings
+) -> tuple[ModelFit, list[dict[str, Any]]]:
+    """The energy model, its window chosen on a sample of the training logs; and the windows tried."""
+    chosen, tried = choose_window(regressor, sample, replace(settings, coulomb_velocity=None))
     observation = stacked_energy([energy_observation(regressor, log, chosen) for log in logs])
     estimate = energy_least_squares(observation)
     residual = energy_residual_percent(observation, estimate.parameters)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from identify.errors import UnsupportedLogError
-from identify.estimation.observation import Observation
+from identify.estimation.reduction import Reduction
 
 SINGULAR = 1e-10
 """Singular values of the column-scaled matrix below this share of the largest count as zero."""
@@ -41,51 +42,69 @@ class Estimate:
         return np.sqrt(np.diag(self.covariance))
 
 
-def ordinary_least_squares(observation: Observation) -> Estimate:
+Residual = Callable[[np.ndarray], np.ndarray]
+"""The rows' residuals (rows, n) for parameters (p,)."""
+
+
+def ordinary_least_squares(reduction: Reduction, residual: Residual) -> Estimate:
     """OLS over all joints' rows together, in their own units; each joint still has a noise of its own."""
-    return _solve(observation, np.ones(len(observation.matrix)))
+    return _estimate(reduction, np.ones(len(reduction.factors)), residual)
 
 
-def weighted_least_squares(observation: Observation, passes: int = 1) -> Estimate:
+def weighted_least_squares(reduction: Reduction, residual: Residual, passes: int = 1) -> Estimate:
     """WLS: each joint's rows divided by the standard deviation of its residual in the pass before (Gautier 1997)."""
-    weights = np.ones(len(observation.matrix))
-    estimate = _solve(observation, weights)
+    return _estimate(reduction, weights_by_noise(reduction, passes), residual)
+
+
+def weights_by_noise(reduction: Reduction, passes: int = 1) -> np.ndarray:
+    """(n,) one over each joint's standard deviation, from as many passes of least squares, the first unweighted."""
+    weights = np.ones(len(reduction.factors))
     for _ in range(passes):
-        estimate = _solve(observation, 1 / np.maximum(estimate.sigma, 1e-12))
-    return estimate
+        parameters = solution(reduction, weights)[2]
+        weights = 1 / np.maximum(_sigma(reduction, reduction.residual_power(parameters)), 1e-12)
+    return weights
 
 
-def _solve(observation: Observation, weights: np.ndarray) -> Estimate:
-    w = np.vstack([a * x for a, x in zip(observation.matrix, weights, strict=True)])
-    y = np.concatenate([b * x for b, x in zip(observation.effort, weights, strict=True)])
-    p = w.shape[1]
-    inverse, condition, parameters = scaled_solution(w, y, observation.names)
-    counts = np.maximum(observation.weight.sum(axis=0) - p / len(weights), 1.0)
-    residuals = [b - a @ parameters for a, b in zip(observation.matrix, observation.effort, strict=True)]
-    sigma = np.sqrt(np.array([r @ r for r in residuals]) / counts)
-    inflation = np.array([rows_per_effective_sample(r, observation.rate) for r in residuals])
+def solution(reduction: Reduction, weights: np.ndarray) -> tuple[np.ndarray, float, np.ndarray]:
+    """`scaled_solution` of the rows, joint j's times weights[j]."""
+    return scaled_solution(*reduction.weighted(weights), reduction.names, reduction.equations)
+
+
+def _sigma(reduction: Reduction, power: np.ndarray) -> np.ndarray:
+    """(n,) standard deviations of residuals whose squares sum up to power (n,)."""
+    counts = reduction.weight.sum(axis=0) - len(reduction.names) / len(power)
+    return np.sqrt(power / np.maximum(counts, 1.0))
+
+
+def _estimate(reduction: Reduction, weights: np.ndarray, residual: Residual) -> Estimate:
+    inverse, condition, parameters = solution(reduction, weights)
+    left = residual(parameters)
+    sigma = _sigma(reduction, (left**2).sum(axis=0))
+    inflation = np.array([rows_per_effective_sample(r, reduction.rate) for r in np.ascontiguousarray(left.T)])
     # Sandwich: a joint's rows were weighted by x², have variance sigma² and count once in `inflation`.
-    middle = np.zeros((p, p))
-    for a, x, s, f in zip(observation.matrix, weights, sigma, inflation, strict=True):
-        middle += x**4 * s**2 * f * (a.T @ a)
-    covariance = inverse @ middle @ inverse
+    triangles = reduction.factors[:, :, :-1]
+    middle = np.einsum("j,jrk,jrl->kl", weights**4 * sigma**2 * inflation, triangles, triangles, optimize=True)
     return Estimate(
-        names=observation.names,
+        names=reduction.names,
         parameters=parameters,
-        covariance=covariance,
+        covariance=inverse @ middle @ inverse,
         condition_number=condition,
         sigma=sigma,
         inflation=inflation,
-        rows=len(y),
-        effective_samples=float((observation.weight.sum(axis=0) / inflation).sum()),
+        rows=reduction.equations,
+        effective_samples=float((reduction.weight.sum(axis=0) / inflation).sum()),
     )
 
 
-def scaled_solution(w: np.ndarray, y: np.ndarray, names: tuple[str, ...]) -> tuple[np.ndarray, float, np.ndarray]:
+def scaled_solution(
+    w: np.ndarray, y: np.ndarray, names: tuple[str, ...], equations: int | None = None
+) -> tuple[np.ndarray, float, np.ndarray]:
     """((WᵀW)⁻¹, condition number of the column-scaled W, least-squares solution) by SVD of the scaled columns.
 
-    UnsupportedLogError names the parameters that the rows say nothing about.
+    equations: how many rows W stands for, where it is a factor of them. UnsupportedLogError names the parameters that
+    the rows say nothing about.
     """
+    equations = len(w) if equations is None else equations
     scale = np.linalg.norm(w, axis=0)
     silent = [name for name, s in zip(names, scale, strict=True) if s <= 1e-9 * scale.max()]
     if silent:
@@ -93,8 +112,8 @@ def scaled_solution(w: np.ndarray, y: np.ndarray, names: tuple[str, ...]) -> tup
             f"the motion says nothing about {', '.join(silent[:6])}{' …' if len(silent) > 6 else ''}: "
             "move every joint, faster and together with the others (`identify excite` designs such a motion)"
         )
-    if len(w) <= w.shape[1]:
-        raise UnsupportedLogError(f"{len(w)} equations are left for {w.shape[1]} parameters: record a longer motion")
+    if equations <= w.shape[1]:
+        raise UnsupportedLogError(f"{equations} equations are left for {w.shape[1]} parameters: record a longer motion")
     u, s, vt = np.linalg.svd(w / scale, full_matrices=False)
     if s[-1] < SINGULAR * s[0]:
         worst = [names[i] for i in np.argsort(-np.abs(vt[-1]))[:4]]

@@ -15,6 +15,12 @@ JITTER = 0.02
 REACH = 2.0
 """How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
 
+SETTLED = 10.0
+"""Periods of its cut-off after which the low-pass has forgotten an end: its slowest pole decays by e^(-2.4) in each."""
+
+GROUP = 48
+"""Thinned rows made in one product: more would multiply more zeros, fewer would be less of a matrix."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -46,16 +52,30 @@ def _butterworth(cutoff: float, rate: float) -> np.ndarray:
     return butter(4, cutoff, fs=rate, output="sos")
 
 
+def clock(log: Log, jitter: float = JITTER) -> tuple[np.ndarray, float, bool]:
+    """A uniform clock (N,) [s] for the log, its rate [Hz], and whether the samples lie on it as they are: where no step
+    differs by more than `jitter` of itself."""
+    step = (log.time[-1] - log.time[0]) / (log.samples - 1)
+    even = log.time[0] + step * np.arange(log.samples)
+    regular = np.abs(np.diff(log.time) - step).max() <= jitter * step and np.abs(even - log.time).max() <= step
+    return even, 1 / step, bool(regular)
+
+
+def resampled(log: Log, time: np.ndarray, *channels: np.ndarray) -> list[np.ndarray]:
+    """The log's channels (N, n), interpolated linearly, at times (m,) in order."""
+    first = max(0, int(np.searchsorted(log.time, time[0], side="right")) - 1)
+    last = int(np.searchsorted(log.time, time[-1])) + 1
+    part = slice(first, max(last, first + 1))
+    return [np.column_stack([np.interp(time, log.time[part], c) for c in x[part].T]) for x in channels]
+
+
 def uniform(log: Log, *channels: np.ndarray, jitter: float = JITTER) -> tuple[np.ndarray, list[np.ndarray], float]:
     """The clock (N,), the channels (N, n) on it, and its rate [Hz].
 
     Channels are as recorded where no step differs by more than `jitter` of itself, else interpolated linearly.
     """
-    step = (log.time[-1] - log.time[0]) / (log.samples - 1)
-    even = log.time[0] + step * np.arange(log.samples)
-    if np.abs(np.diff(log.time) - step).max() <= jitter * step and np.abs(even - log.time).max() <= step:
-        return even, list(channels), 1 / step
-    return even, [np.column_stack([np.interp(even, log.time, c) for c in x.T]) for x in channels], 1 / step
+    even, rate, regular = clock(log, jitter)
+    return even, list(channels) if regular else resampled(log, even, *channels), rate
 
 
 def differentiated(position: np.ndarray, cutoff: float, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -94,3 +114,44 @@ def motion_of(log: Log, cutoff: float) -> Motion:
 def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:
     """Every factor-th row after a zero-phase low-pass at 0.4 of the new rate."""
     return x if factor == 1 else low_pass(x, 0.4 * rate / factor, rate)[::factor]
+
+
+def settled(cutoff: float, rate: float) -> int:
+    """Samples after which the low-pass at `cutoff` has forgotten an end: to 1e-11 of what it was."""
+    return int(np.ceil(SETTLED * rate / min(cutoff, 0.4 * rate)))
+
+
+def thinned(x: np.ndarray, rows: range, cutoff: float, rate: float) -> np.ndarray:
+    """(c, len(rows)) of signals x (c, N) low-passed as by `low_pass`, at these of their samples alone.
+
+    Away from the ends this is one product with the filter's impulse response, a fraction of filtering every sample.
+    """
+    reach = settled(cutoff, rate)
+    inner = [k for k, row in enumerate(rows) if reach <= row < x.shape[1] - reach]
+    if len(inner) < GROUP:
+        return low_pass(x.T, cutoff, rate)[rows].T
+    out = np.empty((len(x), len(rows)))
+    head, tail = range(inner[0]), range(inner[-1] + 1, len(rows))
+    for ends, part in ((head, slice(0, 3 * reach)), (tail, slice(max(0, x.shape[1] - 3 * reach), x.shape[1]))):
+        if ends:
+            at = np.array([rows[k] for k in ends]) - part.start
+            out[:, ends.start : ends.stop] = low_pass(x[:, part].T, cutoff, rate)[at].T
+    response = _response(min(cutoff, 0.4 * rate), rate, reach, rows.step)
+    for k in range(inner[0], inner[-1] + 1, GROUP):
+        count = min(GROUP, inner[-1] + 1 - k)
+        first = rows[k] - reach
+        length = (count - 1) * rows.step + 2 * reach + 1
+        out[:, k : k + count] = x[:, first : first + length] @ response[:length, :count]
+    return out
+
+
+@lru_cache(maxsize=8)
+def _response(cutoff: float, rate: float, reach: int, step: int) -> np.ndarray:
+    """(samples, GROUP): weights of the samples around GROUP outputs `step` apart, the first reach samples in."""
+    impulse = np.zeros(6 * reach + 1)
+    impulse[3 * reach] = 1.0
+    weights = low_pass(impulse, cutoff, rate)[2 * reach : 4 * reach + 1]
+    response = np.zeros(((GROUP - 1) * step + 2 * reach + 1, GROUP))
+    for k in range(GROUP):
+        response[k * step : k * step + 2 * reach + 1, k] = weights
+    return response

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from identify.estimation.motion import decimated, differentiated, low_pass, uniform
+from identify.estimation.motion import clock, decimated, differentiated, resampled, settled, thinned
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
@@ -14,11 +15,8 @@ from identify.regressor.regressor import Regressor
 WORKING_RATE_HZ = 400.0
 """Logs are brought down to about this rate, by a zero-phase low-pass, before regressors are built."""
 
-CHUNK_S = 60.0
-"""Length of the pieces in which a long log's regressor is built, so that memory does not grow with the log."""
-
-MARGIN_S = 1.0
-"""What is added on either side of a piece for the filters to settle; also cut, in part, from the log's ends."""
+PIECE_S = 20.0
+"""Length of the pieces in which a long log is worked on, so that memory does not grow with it."""
 
 END_S = 0.1
 """Cut from both ends of every log, where zero-phase filters have no neighbours."""
@@ -42,7 +40,11 @@ class Observation:
 
 @dataclass(frozen=True)
 class Signals:
-    """A log's filtered motion and raw effort at the working rate: all (N, n) but time (N,)."""
+    """A log's filtered motion and raw effort at the working rate, all (N, n) but time (N,), whole or a piece of it.
+
+    first: which row of the whole the first one is; inside: the rows that are the piece's own. Those around them are
+    there for filters to settle. total: rows of the whole.
+    """
 
     time: np.ndarray
     q: np.ndarray
@@ -50,17 +52,54 @@ class Signals:
     ddq: np.ndarray
     effort: np.ndarray
     rate: float
+    first: int
+    inside: range
+    total: int
 
 
 def signals(log: Log, settings: Settings) -> Signals:
-    """Position filtered and differentiated at the log's rate; then all is brought down to the working rate."""
+    """The whole log in one piece: position filtered and differentiated at the log's rate; then all is brought down to
+    the working rate."""
+    (whole,) = signal_pieces(log, settings, length=np.inf)
+    return whole
+
+
+def signal_pieces(
+    log: Log, settings: Settings, margin: float | None = None, length: float | None = None
+) -> Iterator[Signals]:
+    """The log piece by piece of `length` [s], PIECE_S by default, each with `margin` [s] of settled signals around it,
+    by default what the parallel filter needs; less at the log's ends."""
     assert log.effort is not None
-    time, (position, effort), rate = uniform(log, log.position, log.effort)
-    q, dq, ddq = differentiated(position, settings.position_cutoff_hz, rate)
+    time, rate, regular = clock(log)
     factor = max(1, int(rate // WORKING_RATE_HZ))
-    # The motion is already low-passed: taking every factor-th row of it is enough where the cut-off allows.
-    rows = slice(None, None, factor)
-    return Signals(time[rows], q[rows], dq[rows], ddq[rows], decimated(effort, factor, rate), rate / factor)
+    total = -(-len(time) // factor)
+    cutoff = settings.position_cutoff_hz
+    around = settled(settings.effort_cutoff_hz, rate / factor) if margin is None else round(margin * rate / factor)
+    step = total if length == np.inf else max(1, round((length or PIECE_S) * rate / factor))
+    lead = -(-settled(min(cutoff, 0.4 * rate / factor), rate) // factor)
+    for start in range(0, total, step):
+        # In rows at the working rate: the piece, what its margin reaches, and what the position's filter needs.
+        inside = range(start, min(start + step, total))
+        shown = range(max(0, inside.start - around), min(total, inside.stop + around))
+        needed = range(max(0, shown.start - lead), min(total, shown.stop + lead))
+        samples = slice(needed.start * factor, min(len(time), needed.stop * factor))
+        position, effort = log.position[samples], log.effort[samples]
+        if not regular:
+            position, effort = resampled(log, time[samples], log.position, log.effort)
+        q, dq, ddq = differentiated(position, cutoff, rate)
+        kept = slice(shown.start - needed.start, shown.stop - needed.start)
+        # The motion is already low-passed: taking every factor-th row of it is enough where the cut-off allows.
+        yield Signals(
+            time=time[samples][::factor][kept],
+            q=q[::factor][kept],
+            dq=dq[::factor][kept],
+            ddq=ddq[::factor][kept],
+            effort=decimated(effort, factor, rate)[kept],
+            rate=rate / factor,
+            first=shown.start,
+            inside=range(inside.start - shown.start, inside.stop - shown.start),
+            total=total,
+        )
 
 
 def moving(dq: np.ndarray, guard: int) -> np.ndarray:
@@ -79,44 +118,82 @@ def moving(dq: np.ndarray, guard: int) -> np.ndarray:
     return maximum_filter1d(still.astype(np.uint8), 2 * guard + 1, axis=0) == 0
 
 
-def torque_observation(regressor: Regressor, log: Log, settings: Settings) -> Observation:
-    """The log's observation matrix. Built in pieces, so that the full-rate regressor of a long log is never held."""
-    s = signals(log, settings)
-    n = regressor.robot.n
-    counted = np.ones_like(s.dq, dtype=bool)
-    if not settings.rest_counted:
-        counted = moving(s.dq, round(settings.guard_s * s.rate))
-    step = max(1, round(s.rate / settings.decimated_rate_hz))
-    end, margin, chunk = (round(x * s.rate) for x in (END_S, MARGIN_S, CHUNK_S))
-    matrices: list[list[np.ndarray]] = [[] for _ in range(n)]
-    efforts: list[list[np.ndarray]] = [[] for _ in range(n)]
-    weights = []
-    keep = np.arange(end, len(s.time) - end, step)
-    for start in range(0, len(s.time), chunk):
-        inside = keep[(keep >= start) & (keep < start + chunk)]
-        if not len(inside):
-            continue
-        piece = slice(max(0, start - margin), min(len(s.time), start + chunk + margin))
-        y = regressor.torque(s.q[piece], s.dq[piece], s.ddq[piece], sign=settings.sign)
-        rows = inside - piece.start
-        mask = counted[piece]
-        weights.append(low_pass(mask.astype(float), settings.effort_cutoff_hz, s.rate)[rows])
-        for j in range(n):
-            filtered = low_pass(y[:, j] * mask[:, j, None], settings.effort_cutoff_hz, s.rate)
-            matrices[j].append(filtered[rows])
-            efforts[j].append(low_pass(s.effort[piece, j] * mask[:, j], settings.effort_cutoff_hz, s.rate)[rows])
-    return Observation(
-        matrix=tuple(np.concatenate(x) for x in matrices),
-        effort=tuple(np.concatenate(x) for x in efforts),
-        time=s.time[keep],
-        weight=np.clip(np.concatenate(weights), 0, 1),
-        rate=s.rate / step,
-        names=regressor.names,
-    )
+@dataclass(frozen=True)
+class _Thinning:
+    """How a piece's signals become rows: rest left out, low-passed in parallel, and every step-th row kept."""
+
+    mask: np.ndarray
+    rows: range
+    cutoff: float
+    rate: float
+    step: int
+
+    @staticmethod
+    def of(s: Signals, settings: Settings) -> _Thinning:
+        mask = np.ones_like(s.dq, dtype=bool)
+        if not settings.rest_counted:
+            mask = moving(s.dq, round(settings.guard_s * s.rate))
+        step = max(1, round(s.rate / settings.decimated_rate_hz))
+        end = round(END_S * s.rate)
+        # Rows end, end + step … of the whole log.
+        begin = s.first + s.inside.start
+        start = end + step * max(0, -(-(begin - end) // step))
+        stop = min(s.first + s.inside.stop, s.total - end)
+        return _Thinning(mask.T, range(start - s.first, stop - s.first, step), settings.effort_cutoff_hz, s.rate, step)
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        """(c, rows) of signals x (c, N)."""
+        return thinned(x, self.rows, self.cutoff, self.rate)
 
 
-def stacked(observations: list[Observation]) -> Observation:
-    """The rows of several logs as one observation."""
+def torque_blocks(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Iterator[Observation]:
+    """The logs' rows of the torque model, block by block: the one way in which they are made."""
+    for log in logs:
+        for s in signal_pieces(log, settings):
+            thin = _Thinning.of(s, settings)
+            if not thin.rows:
+                continue
+            matrices, efforts = [], []
+            for rows, support, mask in zip(_rows(regressor, s, settings), regressor.supports, thin.mask, strict=True):
+                rows *= mask
+                kept = thin(rows)
+                matrix = np.zeros((len(thin.rows), regressor.p))
+                matrix[:, support] = kept[:-1].T
+                matrices.append(matrix)
+                efforts.append(kept[-1])
+            weight = np.clip(thin(thin.mask.astype(float)), 0, 1).T
+            rate = s.rate / thin.step
+            yield Observation(tuple(matrices), tuple(efforts), s.time[thin.rows], weight, rate, regressor.names)
+
+
+def torque_residual(
+    regressor: Regressor, logs: Sequence[Log], settings: Settings, parameters: np.ndarray
+) -> np.ndarray:
+    """(rows, n) effort − matrix·parameters of the rows of `torque_blocks`, without any matrix."""
+    parts = []
+    for log in logs:
+        for s in signal_pieces(log, settings):
+            thin = _Thinning.of(s, settings)
+            if thin.rows:
+                predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign)
+                parts.append(thin((s.effort - predicted).T * thin.mask).T)
+    return np.concatenate(parts)
+
+
+def _rows(regressor: Regressor, s: Signals, settings: Settings) -> list[np.ndarray]:
+    """Each joint's rows at the working rate, transposed: (support + 1, N), the effort last."""
+    whole = [np.empty((len(support) + 1, len(s.time))) for support in regressor.supports]
+    at = 0
+    for block in regressor.rows(s.q, s.dq, s.ddq, s.effort, settings.sign):
+        for rows, part in zip(whole, block, strict=True):
+            rows[:, at : at + part.shape[1]] = part
+        at += block[0].shape[1]
+    return whole
+
+
+def stacked(blocks: Iterable[Observation]) -> Observation:
+    """All blocks as one, for logs short enough."""
+    observations = list(blocks)
     first = observations[0]
     return Observation(
         matrix=tuple(np.concatenate([o.matrix[j] for o in observations]) for j in range(len(first.matrix))),

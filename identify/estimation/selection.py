@@ -18,9 +18,10 @@ import numpy as np
 
 from identify.errors import UnsupportedLogError
 from identify.estimation.energy import energy_least_squares, energy_observation, stacked_energy
-from identify.estimation.least_squares import weighted_least_squares
+from identify.estimation.least_squares import solution, weights_by_noise
 from identify.estimation.motion import low_pass
-from identify.estimation.observation import END_S, Observation, moving, signals, stacked, torque_observation
+from identify.estimation.observation import END_S, Observation, moving, signals, stacked, torque_blocks
+from identify.estimation.reduction import reduced
 from identify.estimation.scoring import CUTOFF_HZ, relative
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
@@ -65,7 +66,7 @@ def choose_settings(
 
 def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> dict[str, float]:
     """Residuals [%] of the effort in blocks that the fit has not seen: over all samples, and moving."""
-    observations = [torque_observation(regressor, log, settings) for log in logs]
+    observations = [stacked(torque_blocks(regressor, [log], settings)) for log in logs]
     pieces = [signals(log, settings) for log in logs]
     whole = stacked(observations)
     offsets = np.cumsum([0.0, *(log.duration + 10 * BLOCK_S for log in logs)])
@@ -83,7 +84,8 @@ def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Setting
             whole.rate,
             whole.names,
         )
-        parameters = weighted_least_squares(part, passes=1).parameters
+        reduction = reduced([part])
+        parameters = solution(reduction, weights_by_noise(reduction))[2]
         for s, t, hat in zip(pieces, offsets, predicted, strict=False):
             here = ((s.time + t) // BLOCK_S).astype(int) % FOLDS == k
             hat[here] = regressor.inverse_dynamics(s.q[here], s.dq[here], s.ddq[here], parameters, settings.sign)

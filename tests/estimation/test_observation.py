@@ -10,7 +10,8 @@ import pytest
 from exact_logs import arm, exact_log
 
 from identify.estimation import observation as module
-from identify.estimation.observation import END_S, Observation, moving, signals, stacked, torque_observation
+from identify.estimation.observation import END_S, Observation, moving, signals, stacked, torque_blocks, torque_residual
+from identify.estimation.reduction import reduced
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.columns import smooth_sign
@@ -31,6 +32,11 @@ def log() -> Log:
     made = exact_log(ARM)
     s = signals(made, SETTINGS)
     return replace(made, effort=REGRESSOR.inverse_dynamics(s.q, s.dq, s.ddq, THETA))
+
+
+def torque_observation(regressor: Regressor, log: Log, settings: Settings) -> Observation:
+    """All rows of a log."""
+    return stacked(torque_blocks(regressor, [log], settings))
 
 
 def same(a: Observation, b: Observation, tolerance: float) -> None:
@@ -61,7 +67,7 @@ def test_so_they_are_with_a_smoothed_sign_and_rows_at_rest(log: Log) -> None:
 @pytest.mark.parametrize("chunk", [2.0, 3.7])
 def test_pieces_make_the_whole(log: Log, settings: Settings, chunk: float, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = torque_observation(REGRESSOR, log, settings)
-    monkeypatch.setattr(module, "CHUNK_S", chunk)
+    monkeypatch.setattr(module, "PIECE_S", chunk)
     same(torque_observation(REGRESSOR, log, settings), whole, 1e-8)
 
 
@@ -126,18 +132,32 @@ def test_logs_are_stacked_joint_by_joint(log: Log) -> None:
     assert len(both.time) == len(both.weight) == rows + len(parts[1].time)
 
 
-def test_memory_does_not_grow_by_the_regressor_of_a_longer_log(monkeypatch: pytest.MonkeyPatch) -> None:
-    """More samples cost their signals, thinned rows, and less than a quarter of their regressor at full rate."""
-    monkeypatch.setattr(module, "CHUNK_S", 5.0)
+def test_residual_needs_no_matrix(log: Log) -> None:
+    """Filtering is linear: the rows' residual is the filtered residual, with rest left out of both, log after log."""
+    logs = [log, exact_log(ARM, seed=3, noise=0.1)]
+    theta = np.random.default_rng(0).normal(size=REGRESSOR.p)
+    rows = stacked(torque_blocks(REGRESSOR, logs, SETTINGS))
+    expected = np.transpose([b - a @ theta for a, b in zip(rows.matrix, rows.effort, strict=True)])
+    found = torque_residual(REGRESSOR, logs, SETTINGS, theta)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def test_memory_does_not_grow_with_the_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reduced as they come, rows of a log four times as long take what is kept of each row: effort and weight."""
+    monkeypatch.setattr(module, "PIECE_S", 5.0)
     regressor = Regressor(arm(0, 5))
     samples, peaks = [], []
-    for periods in (2, 9):
+    for periods in (2, 8):
         log = exact_log(regressor.robot, rate=100.0, periods=periods)
-        torque_observation(regressor, exact_log(regressor.robot, rate=100.0), SETTINGS)  # code made, modules loaded
+        reduced(
+            torque_blocks(regressor, [exact_log(regressor.robot, rate=100.0)], SETTINGS)
+        )  # code made, modules loaded
         tracemalloc.start()
-        rows = torque_observation(regressor, log, replace(SETTINGS, decimated_rate_hz=5.0))
-        peaks.append(tracemalloc.get_traced_memory()[1] - sum(x.nbytes for x in rows.matrix))
+        reduction = reduced(torque_blocks(regressor, [log], SETTINGS))
+        torque_residual(regressor, [log], SETTINGS, np.ones(regressor.p))
+        peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         samples.append(log.samples)
-    full_row = 8 * regressor.robot.n * regressor.p
-    assert np.diff(peaks)[0] / np.diff(samples)[0] < full_row / 4
+        assert reduction.equations == pytest.approx(regressor.robot.n * log.duration * 20, rel=0.05)
+    clock_and_rows = 8 * (6 + 3 * regressor.robot.n)
+    assert np.diff(peaks)[0] / np.diff(samples)[0] < clock_and_rows < 8 * regressor.p

@@ -11,8 +11,9 @@ import pytest
 from exact_logs import arm, exact_log, friction, motion
 
 from identify.errors import UnsupportedLogError
-from identify.estimation.least_squares import weighted_least_squares
-from identify.estimation.observation import signals, torque_observation
+from identify.estimation.least_squares import solution, weights_by_noise
+from identify.estimation.observation import signals, stacked, torque_blocks
+from identify.estimation.reduction import reduced
 from identify.estimation.selection import choose_settings, choose_window, cross_validated
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
@@ -64,8 +65,9 @@ def test_what_was_fitted_is_not_what_is_predicted() -> None:
     log = exact_log(ARM)
     log = replace(log, effort=np.random.default_rng(6).standard_normal(log.position.shape))
     settings = Settings(position_cutoff_hz=20.0)
-    theta = weighted_least_squares(torque_observation(REGRESSOR, log, settings)).parameters
-    rows = torque_observation(REGRESSOR, log, settings)
+    reduction = reduced(torque_blocks(REGRESSOR, [log], settings))
+    theta = solution(reduction, weights_by_noise(reduction))[2]
+    rows = stacked(torque_blocks(REGRESSOR, [log], settings))
     left = [b - a @ theta for a, b in zip(rows.matrix, rows.effort, strict=True)]
     assert np.linalg.norm(left) < 0.99 * np.linalg.norm(rows.effort)
     assert cross_validated(REGRESSOR, [log], settings)["all_percent"] > 101

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
@@ -12,6 +13,9 @@ import numpy as np
 from identify import __version__
 from identify.estimation.fitting import Fit, ModelFit
 from identify.estimation.identification import FORMAT, FRICTION
+from identify.estimation.identified_robot import link_table, with_standard
+from identify.estimation.physical import PULL, Consistent
+from identify.estimation.reference import Reference
 from identify.estimation.scoring import explained
 from identify.logs.log import Log
 from identify.logs.triage import inspect
@@ -21,7 +25,8 @@ from identify.symbolic.formula import formula
 from identify.validation.verdict import WELL_KNOWN
 
 PACKAGES = ("numpy", "scipy", "sympy", "pin", "mujoco", "mcap", "matplotlib", "clarabel")
-PHYSICAL_REASON = "standard parameters that physics allows are not estimated yet; only base parameters are"
+MOVED = 0.01
+"""Shift of a parameter, in its standard deviations, from which the record says that consistency moved it."""
 
 
 def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], command: str) -> dict[str, Any]:
@@ -50,8 +55,6 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
         "model": model,
         "simulated": any(log.simulated for log in train),
         "logs": logs,
-        "physical": None,
-        "physical_reason": PHYSICAL_REASON,
         "versions": versions(),
         "seed": 0,
         "command": command,
@@ -142,6 +145,56 @@ def fit_figures(fit: ModelFit, figures: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
+def physical(
+    regressor: Regressor,
+    fit: ModelFit,
+    found: Consistent,
+    bodies: Reference,
+    bodies_reason: str,
+    figures: dict[str, Any],
+) -> dict[str, Any]:
+    """The standard parameters that physics allows: links, drives, what they cost and which parameters moved.
+
+    figures: residual figures of their model, {"fit": on the training logs, "test": [on each held-out log]}.
+    """
+    estimate = fit.estimate
+    robot = with_standard(regressor.robot, found.standard, found.extra)
+    shift = (found.parameters - estimate.parameters) / np.maximum(estimate.std, 1e-300)
+    moved = [i for i in np.argsort(-np.abs(shift), kind="stable") if abs(shift[i]) >= MOVED]
+    eigenvalues = zip(link_table(robot), found.eigenvalues, bodies.kinds, strict=True)
+    return {
+        "consistent": found.possible,
+        "links": [row | {"min_eigenvalue": float(x), "pulled_to": kind} for row, x, kind in eigenvalues],
+        "drives": [{"joint": joint.name, **asdict(joint.drive)} for joint in robot.joints],
+        "transmission": [
+            {"name": column.name, "value": found.extra[column.name]}
+            for column in (regressor.extra.columns if regressor.extra else ())
+            if column.ratios
+        ],
+        "parameters": [float(x) for x in found.parameters],
+        "cost": {"chi_squared": found.cost, "effective_samples": estimate.effective_samples},
+        "moved": [
+            {
+                "name": regressor.names[i],
+                "unit": regressor.units[i],
+                "estimate": float(estimate.parameters[i]),
+                "consistent": float(found.parameters[i]),
+                "shift_sigma": float(shift[i]),
+            }
+            for i in moved
+        ],
+        "pull": {"weight": PULL, "bodies": list(bodies.kinds), "why": bodies_reason},
+        **figures,
+        "solver": {
+            "name": "clarabel",
+            "primal_residual": found.primal_residual,
+            "dual_residual": found.dual_residual,
+            "gap": found.gap,
+            "iterations": found.iterations,
+        },
+    }
+
+
 def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
     table = dict.fromkeys(("coulomb_velocity", "window_s", "energy_cutoff_hz")) | fit.settings.to_dict()
     reasons = {
@@ -187,7 +240,7 @@ def rejected(record: dict[str, Any], verdict: dict[str, Any]) -> dict[str, Any]:
     """A refused log's record: the verdict, and null with the reason for all that a fit would have given."""
     why = "the log can't support a result: " + "; ".join(verdict["reasons"])
     empty: dict[str, Any] = {"names": [], "base_parameters": [], "friction": [], "transmission": []}
-    for key in ("estimator", "covariance", "fit", "settings", "coverage", "models", "cross_check"):
+    for key in ("estimator", "covariance", "fit", "settings", "coverage", "models", "cross_check", "physical"):
         empty |= {key: None, f"{key}_reason": why}
     reasons = {f"{key}_reason": why for key in ("base_parameters", "friction", "transmission", "test")}
     return record | empty | reasons | {"test": [], "verdict": verdict}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.errors import LogError, UnsupportedLogError
+from identify.errors import InputError, LogError, OutputError, UnsupportedLogError
 from identify.logs.log import Log
 from identify.robot.robot import Robot
 
@@ -135,6 +135,23 @@ def fit_to_folder(
     return record
 
 
+def export(result: Folder, form: str, path: Folder, force: bool = False) -> tuple[str, ...]:
+    """Write the identified robot of a result folder as form "toml", "urdf" or "mjcf"; what the format leaves out.
+
+    InputError where the folder holds no result; OutputError where the file exists and force is not set.
+    """
+    from identify.estimation.identification import Identification
+    from identify.estimation.identified_robot import exported
+    from identify.logs.files import replacing
+
+    text, lost = exported(Identification.load(result), form)
+    if Path(path).exists() and not force:
+        raise OutputError(f"{path}: exists; choose another name, or replace it with --force")
+    with replacing(Path(path)) as stream:
+        stream.write(text.encode())
+    return lost
+
+
 def demo(folder: Folder, force: bool = False, progress: Progress = None) -> dict[str, Any]:
     """The whole path on the built-in RX-90: design, simulate, log, identify, test on an unseen motion, report."""
     from identify.estimation.identification import check_folder
@@ -219,16 +236,18 @@ def _identified(
         result, prediction = held_out.held_out(regressor, log, train, estimate.parameters, settings, nominal)
         tests.append({"path": log.source, **result})
         curves |= held_out.curves(f"test{k}", regressor, log, prediction, estimate.parameters, settings)
-    tell(0.85, "cross-check against Pinocchio and MuJoCo")
-    checks = cross_check.cross_check_regressor(robot)
-    base = estimate.parameters[: len(regressor.base.names)]
-    checks["identified"] = cross_check.cross_check_identified(robot, base)
-    truth = true_parameters(regressor, train[0])
+    tell(0.8, "links that physics allows")
     prior_reason = (
         "the log is a simulation of the robot file itself"
         if nominal is None and train[0].simulated
         else "the robot file gives no inertias"
     )
+    possible, physical = _physical(regressor, chosen, train, test, nominal is not None, prior_reason)
+    tell(0.85, "cross-check against Pinocchio and MuJoCo")
+    checks = cross_check.cross_check_regressor(robot)
+    base = estimate.parameters[: len(regressor.base.names)]
+    checks["identified"] = cross_check.cross_check_identified(robot, base, possible)
+    truth = true_parameters(regressor, train[0])
     record = records.head(robot, model, train, test, command) | {
         "estimator": chosen.estimator,
         **records.parameters(regressor, chosen, truth, nominal, prior_reason),
@@ -241,6 +260,7 @@ def _identified(
             {name: figure for name, (figure, _) in figures.items()},
             agreement(both.torque.estimate, both.energy.estimate) if both.torque and both.energy else None,
         ),
+        **physical,
         "cross_check": checks,
     }
     if not tests:
@@ -251,6 +271,34 @@ def _identified(
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
     )
+
+
+def _physical(
+    regressor: Regressor, chosen: ModelFit, train: list[Log], test: list[Log], described: bool, neutral_reason: str
+) -> tuple[np.ndarray | None, dict[str, Any]]:
+    """The standard parameters that physics allows (11 n,), nearest to the estimate, and their part of the record.
+
+    described: whether the robot's own links may stand for what the data leave open; neutral_reason: why not.
+    """
+    from identify import record as records
+    from identify.estimation.physical import information_of, nearest_consistent
+    from identify.estimation.reference import reference
+    from identify.validation.held_out import figures
+
+    estimate = chosen.estimate
+    bodies = reference(regressor, estimate.parameters, described)
+    try:
+        found = nearest_consistent(regressor, estimate.parameters, information_of(estimate.covariance), bodies)
+    except InputError as error:
+        return None, {"physical": None, "physical_reason": str(error)}
+
+    def residuals(logs: list[Log]) -> dict[str, Any]:
+        row = figures(regressor, logs, found.parameters, chosen.settings)[0]
+        return {key: x for key, x in row.items() if key.removesuffix("_reason") in (*RESIDUALS, "per_joint")}
+
+    scores = {"fit": residuals(train), "test": [{"path": log.source, **residuals([log])} for log in test]}
+    why = "the robot file's links" if described else neutral_reason
+    return found.standard, {"physical": records.physical(regressor, chosen, found, bodies, why, scores)}
 
 
 def _side_by_side(regressor: Regressor, torque: ModelFit, train: list[Log], test: list[Log]) -> list[dict[str, Any]]:

@@ -18,7 +18,6 @@ from identify.estimation.identification import Identification
 from identify.logs.log import Log
 from identify.logs.reading import read_log
 from identify.logs.slicing import select
-from identify.record import PHYSICAL_REASON
 from identify.robot.robot import Limits, Robot, Transmission
 
 ARM = arm(1)
@@ -325,7 +324,14 @@ INTERFACE: dict[str, Any] = {
     "fit": {**FIGURES, "condition_number": float, "samples_used": int},
     "test": [{"path": str, **FIGURES}],
     "cross_check": {key: {"max_abs_error": float, "samples": int} for key in ("pinocchio", "mujoco")},
-    "physical": dict,
+    "physical": {
+        "consistent": bool,
+        "links": [{"name": str, "min_eigenvalue": float, "mass": float, "com": [float], "inertia": [float]}],
+        "drives": [{"joint": str, "inertia": float, "viscous": float, "coulomb": float, "offset": float}],
+        "parameters": [float],
+        "cost": {"chi_squared": float},
+        "moved": [{"name": str, "estimate": float, "consistent": float, "shift_sigma": float}],
+    },
     "verdict": {"status": str, "reasons": [str]},
     "versions": dict.fromkeys(("identify", "python", "numpy", "pin", "mujoco"), str),
     "seed": int,
@@ -371,8 +377,8 @@ def test_parameters_json_is_what_the_interface_says(kind: str, result: Identific
     check(record, INTERFACE)
     assert list(unexplained(record)) == []
     assert record["format"] == "identify/parameters/1"
-    assert record["physical"] is None
-    assert record["physical_reason"] == PHYSICAL_REASON
+    assert record["physical"]["consistent"] is True
+    assert len(record["physical"]["parameters"]) == len(record["names"])
     expected = ("energy", "identify fit …") if kind == "unlimited" else ("torque", "")
     assert (record["model"], record["command"]) == expected
     p = len(record["names"])

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli import models
+from identify.cli import exporting, models
 from identify.cli.places import check_file, check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import UnsupportedLogError
@@ -276,6 +276,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "report": report,
     "model": models.model,
     "codegen": models.codegen,
+    "export": exporting.export,
 }
 
 

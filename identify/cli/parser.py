@@ -23,6 +23,7 @@ WHAT = (
     "operations",
 )
 FORMATS = ("text", "latex", "python", "c", "json")
+ROBOT_FORMATS = ("toml", "urdf", "mjcf")
 
 _ROBOT = "built-in name (rx90, tx40), or a .toml, .urdf or MJCF .xml file"
 _LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
@@ -76,6 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
         _report,
         _model,
         _codegen,
+        _export,
     ):
         add(commands)
     return parser
@@ -313,6 +315,21 @@ def _codegen(commands: Any) -> None:
         type=_path,
         help="result folder whose parameters go in (default: the robot file's)",
     )
+
+
+def _export(commands: Any) -> None:
+    command = _command(
+        commands,
+        "export",
+        "write an identified robot as TOML, URDF or MJCF",
+        "The robot that was fitted, with the masses, centres of mass, inertias and friction that are nearest to the\n"
+        "result among those that physics allows. FILE says which logs they come from. What a format has no place for\n"
+        "is named in it and on stdout.",
+        "identify export result --format mjcf -o my_arm.xml",
+    )
+    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+    command.add_argument("--format", choices=ROBOT_FORMATS, required=True, help="format of the robot file")
+    _output(command, "FILE", "robot file to write, .toml, .urdf or .xml")
 
 
 def _chosen(command: argparse.ArgumentParser) -> None:

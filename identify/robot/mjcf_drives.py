@@ -11,14 +11,22 @@ from identify.robot.robot import Drive, Limits
 
 
 def drive(model: Any, k: int) -> Drive:
-    """Inertia and friction of joint k, those of its actuators through their gear included."""
+    """Inertia and friction of joint k, those of its actuators through their gear included.
+
+    A constant force against a torque motor, the first number of its affine bias, is an offset of its friction.
+    """
+    import mujoco
+
     dof = model.jnt_dofadr[k]
-    inertia, viscous = float(model.dof_armature[dof]), float(model.dof_damping[dof])
+    inertia, viscous, offset = float(model.dof_armature[dof]), float(model.dof_damping[dof]), 0.0
     for i in _actuators(model, k):
         gear = float(model.actuator_gear[i, 0]) ** 2
         inertia += gear * float(model.actuator_armature[i])
         viscous += gear * float(model.actuator_damping[i])
-    return Drive(inertia=inertia, viscous=viscous, coulomb=float(model.dof_frictionloss[dof]))
+        bias, *feedback = (float(x) for x in model.actuator_biasprm[i, :3])
+        if model.actuator_biastype[i] == mujoco.mjtBias.mjBIAS_AFFINE and not any(feedback):
+            offset -= float(model.actuator_gear[i, 0]) * bias
+    return Drive(inertia, viscous, float(model.dof_frictionloss[dof]), offset + 0.0)
 
 
 def limits(model: Any, k: int) -> Limits:

@@ -281,10 +281,12 @@ def _drive(element: Element, where: str) -> Drive:
     if dynamics is None:
         return Drive()
     where = f"{where}: dynamics"
-    viscous, coulomb = (
-        checks.not_negative(number(dynamics, key, 0.0, where), f"{where}: {key}") for key in ("damping", "friction")
+    # `armature` and `offset` are no URDF: identify.robot.urdf_writing puts them there.
+    inertia, viscous, coulomb = (
+        checks.not_negative(number(dynamics, key, 0.0, where), f"{where}: {key}")
+        for key in ("armature", "damping", "friction")
     )
-    return Drive(viscous=viscous, coulomb=coulomb)
+    return Drive(inertia, viscous, coulomb, number(dynamics, "offset", 0.0, where))
 
 
 def _link(element: Element, where: str, notes: list[str]) -> Link:

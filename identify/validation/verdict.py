@@ -28,7 +28,7 @@ def verdict(record: dict[str, Any]) -> dict[str, Any]:
     """
     reasons: list[str] = []
     actions: list[str] = []
-    uses = [_prediction(record, reasons, actions), _simulation(), _payload(record)]
+    uses = [_prediction(record, reasons, actions), _simulation(record), _payload(record)]
     for engine, error in _engines(record):
         if error > ENGINES_AGREE:
             reasons.append(
@@ -107,15 +107,59 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
     }
 
 
-def _simulation() -> dict[str, Any]:
-    return {
+def _simulation(record: dict[str, Any]) -> dict[str, Any]:
+    use: dict[str, Any] = {
         "use": "simulation",
-        "status": "NOT TESTED",
-        "result": "parameters are not held to physical consistency",
-        "limit": "every link's pseudo-inertia positive definite",
-        "limit_source": "a rigid body",
-        "action": "Use the base parameters for prediction and control; a simulator needs a consistent set.",
+        "limit": "every link a possible body, and its model predicts each moving joint better than its mean",
+        "limit_source": "a rigid body (Traversaro et al. 2016), and predicting the joint's mean",
     }
+    physical = record.get("physical")
+    if not physical or not physical["consistent"]:
+        why = (physical or record).get("physical_reason", "a link that was found is no possible body")
+        return use | {
+            "status": "NOT TESTED" if physical is None else "NOT MET",
+            "result": f"no links that physics allows: {why}",
+            "action": "Use the base parameters for prediction and control; a simulator needs possible links.",
+        }
+    moved = physical["moved"]
+    told = "every link is possible at no cost to the fit"
+    if moved:
+        first = moved[0]
+        told = (
+            f"links made possible by moving {len(moved)} of {len(physical['parameters'])} parameters, "
+            f"{first['name']} most, by {abs(first['shift_sigma']):.2g} σ"
+        )
+    tests = [
+        mine for mine, test in zip(physical["test"], record["test"], strict=False) if not test["is_a_training_log"]
+    ]
+    shares = _shares(tests)
+    found = [x for t in tests if (x := t["moving_relative_residual_percent"]) is not None]
+    if found:
+        told += f"; residual {max(found):.2g} % of the torque on unseen motion, moving"
+    if not shares:
+        return use | {
+            "status": "NOT TESTED",
+            "result": told + "; no held-out motion",
+            "action": "`identify export` writes the robot; pass a log of another motion with --test to try it.",
+        }
+    met = max(shares) < MEAN_LIMIT
+    return use | {
+        "status": "MET" if met else "NOT MET",
+        "result": told,
+        "action": "Write it with `identify export` as TOML, URDF or MJCF, which says what each leaves out."
+        if met
+        else "Look at the joints that prediction names; a simulator would be as wrong there.",
+    }
+
+
+def _shares(tests: list[dict[str, Any]]) -> list[float]:
+    """RMSE [% of the signal's standard deviation] of every joint that moves in a held-out log."""
+    return [
+        100 * joint["moving_rmse"] / joint["std_of_signal"]
+        for test in tests
+        for joint in test["per_joint"]
+        if joint["moving_rmse"] is not None and joint["std_of_signal"]
+    ]
 
 
 def _payload(record: dict[str, Any]) -> dict[str, Any]:

@@ -9,18 +9,20 @@ import pytest
 from chains import random_chain
 from exact_logs import unknown
 
+from identify.estimation.physical import smallest_eigenvalues
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
 from identify.robot.robot import Robot
+from identify.symbolic.base_parameters import base_parameters
 from identify.validation import cross_check as module
 from identify.validation.cross_check import (
+    any_standard,
     check_robot,
     consistent_links,
     cross_check_identified,
     cross_check_regressor,
     random_states,
 )
-from identify.validation.standard_set import smallest_eigenvalues
 
 AGREE = 1e-10
 
@@ -89,7 +91,7 @@ def test_a_count_of_base_parameters_that_is_not_the_rank_is_caught(monkeypatch: 
 def test_an_identified_model_runs_in_both_engines(seed: int) -> None:
     robot = chain(seed)
     base = Regressor(robot, friction=False).parameters
-    found = cross_check_identified(unknown(robot), base, samples=100)
+    found = cross_check_identified(unknown(robot), base, robot.standard, samples=100)
     assert found["pinocchio"]["max_abs_error"] <= AGREE
     assert found["mujoco"]["max_abs_error"] <= AGREE
     assert "mujoco_reason" not in found
@@ -100,10 +102,27 @@ def test_an_impossible_model_runs_in_pinocchio_alone_and_says_why() -> None:
     regressor = Regressor(robot, friction=False)
     base = regressor.parameters.copy()
     base[regressor.names.index("Ia6")] = -0.1
-    found = cross_check_identified(robot, base, samples=100)
+    found = cross_check_identified(robot, base, None, samples=100)
     assert found["pinocchio"]["max_abs_error"] <= AGREE
     assert found["mujoco"] is None
-    assert "no physically consistent set" in found["mujoco_reason"]
+    assert "no links that physics allows" in found["mujoco_reason"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_any_base_vector_has_a_standard_one(seed: int) -> None:
+    for robot in (load_robot("rx90"), chain(seed)):
+        matrix = base_parameters(robot).matrix
+        base = np.random.default_rng(seed).normal(size=len(matrix)) * 5
+        np.testing.assert_allclose(matrix @ any_standard(robot, base), base, rtol=0, atol=1e-11)
+
+
+def test_the_standard_set_stays_near_unit_masses() -> None:
+    """What the base parameters leave open is not blown up: the exact start comes back, masses elsewhere stay tame."""
+    robot = load_robot("rx90")
+    matrix = base_parameters(robot).matrix
+    start = np.tile([0.0] * 9 + [1.0, 0.0], 6)
+    np.testing.assert_allclose(any_standard(robot, matrix @ start), start, rtol=0, atol=1e-12)
+    assert np.abs(any_standard(robot, matrix @ robot.standard)).max() < 2 * np.abs(robot.standard).max()
 
 
 def test_states_fill_the_limits_of_the_joints() -> None:

@@ -79,6 +79,31 @@ def test_a_training_log_tests_nothing(record: dict[str, Any]) -> None:
     assert use(found, "prediction of joint torque")["status"] == "NOT TESTED"
 
 
+def test_possible_links_that_predict_may_be_simulated(record: dict[str, Any]) -> None:
+    found = use(verdict(record), "simulation")
+    assert found["status"] == "MET"
+    assert "on unseen motion" in found["result"]
+    assert "identify export" in found["action"]
+    record["physical"]["moved"] = [{"name": "XX3", "shift_sigma": -2.5}]
+    assert "moving 1 of 28 parameters, XX3 most, by 2.5 σ" in use(verdict(record), "simulation")["result"]
+    joint = record["physical"]["test"][0]["per_joint"][2]
+    joint["moving_rmse"] = joint["std_of_signal"]
+    assert use(verdict(record), "simulation")["status"] == "NOT MET"
+    assert use(verdict(record), "prediction of joint torque")["status"] == "MET"
+
+
+def test_simulation_is_not_tested_without_links_or_held_out_motion(record: dict[str, Any]) -> None:
+    record["test"][0]["is_a_training_log"] = True
+    assert use(verdict(record), "simulation")["status"] == "NOT TESTED"
+    record["test"] = []
+    assert "no held-out motion" in use(verdict(record), "simulation")["result"]
+    record["physical"]["consistent"] = False
+    assert use(verdict(record), "simulation")["status"] == "NOT MET"
+    record["physical"], record["physical_reason"] = None, "the solver ended"
+    found = use(verdict(record), "simulation")
+    assert (found["status"], found["result"]) == ("NOT TESTED", "no links that physics allows: the solver ended")
+
+
 def test_a_held_out_log_at_rest_tests_nothing(record: dict[str, Any]) -> None:
     for joint in record["test"][0]["per_joint"]:
         joint["moving_rmse"] = None

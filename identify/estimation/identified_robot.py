@@ -1,0 +1,137 @@
+"""From a result back to a robot: the description that was fitted, with the links and drives that were identified."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from identify.errors import InputError
+from identify.estimation.identification import Identification
+from identify.robot.mjcf import to_mjcf
+from identify.robot.robot import Drive, Robot
+from identify.robot.toml_writing import write_toml
+from identify.robot.transforms import inertia_matrix, make_link
+from identify.robot.urdf_writing import lost_in_urdf, to_urdf
+
+FORMATS = {"toml": (".toml",), "urdf": (".urdf", ".xml"), "mjcf": (".xml", ".mjcf")}
+"""Formats of a robot file, and the endings that each may have."""
+
+
+def with_standard(robot: Robot, standard: np.ndarray, extra: Mapping[str, float]) -> Robot:
+    """The robot with links and actuator inertias from standard parameters (11 n,) and friction from `extra`.
+
+    extra: values of the columns Fv, Fs and offset by name; one that is missing, as the data can't tell it from
+    others, counts as zero.
+    """
+    joints = []
+    for j, (joint, values) in enumerate(zip(robot.joints, standard.reshape(-1, 11), strict=True), 1):
+        xx, xy, xz, yy, yz, zz, *first, mass, actuator = (float(x) for x in values)
+        com = np.array(first) / mass
+        about_origin = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        link = make_link(mass, com, about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com)))
+        viscous, coulomb, offset = (float(extra.get(f"{letters}{j}", 0.0)) for letters in ("Fv", "Fs", "off"))
+        joints.append(replace(joint, link=link, drive=Drive(actuator, viscous, coulomb, offset)))
+    return replace(robot, joints=tuple(joints))
+
+
+def identified_robot(result: Identification) -> Robot:
+    """The robot of a result, its links and drives the physically consistent ones; its note says where they are from.
+
+    InputError where the result holds none.
+    """
+    physical = result.record.get("physical")
+    if not isinstance(physical, dict) or "drives" not in physical:
+        why = result.record.get("physical_reason") or "it was made before they were"
+        raise InputError(f"the result holds no standard parameters that physics allows ({why}); fit again")
+    joints = []
+    for joint, link, drive in zip(result.robot.joints, physical["links"], physical["drives"], strict=True):
+        ixx, ixy, ixz, iyy, iyz, izz = link["inertia"]
+        body = make_link(
+            link["mass"], np.array(link["com"]), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+        )
+        values = {key: float(drive[key]) for key in ("inertia", "viscous", "coulomb", "offset")}
+        joints.append(replace(joint, link=body, drive=Drive(**values)))
+    said = f" The description that was fitted says: {result.robot.note}" if result.robot.note else ""
+    return replace(result.robot, joints=tuple(joints), note=provenance(result.record) + said)
+
+
+def link_table(robot: Robot) -> list[dict[str, Any]]:
+    """Of each link: name of its joint, mass [kg], com (3,) [m] and inertia (6,) about it [kg·m²] in R_j, the principal
+    moments (3,) [kg·m²], rising, and triangle_margin, the sum of the smaller two less the largest [kg·m²]."""
+    rows = []
+    for joint in robot.joints:
+        link = joint.link
+        moments = np.linalg.eigvalsh(inertia_matrix(link))
+        rows.append(
+            {
+                "name": joint.name,
+                "mass": link.mass,
+                "com": list(link.com),
+                "inertia": list(link.inertia),
+                "principal_moments": moments.tolist(),
+                "triangle_margin": float(moments[0] + moments[1] - moments[2]),
+            }
+        )
+    return rows
+
+
+def provenance(record: Mapping[str, Any]) -> str:
+    """Where the identified numbers come from, and what they are not."""
+    logs = [log for log in record["logs"] if log["role"] == "train"]
+    kind = "simulated" if record["simulated"] else "measured"
+    named = ", ".join(f"{log['path']} (sha256 {log['sha256']})" for log in logs)
+    bodies = record["physical"]["pull"]["bodies"]
+    taken = "neutral bodies" if set(bodies) == {"neutral"} else "the links of the description"
+    return (
+        f"Masses, centres of mass, inertias and friction are identified from {kind} motion: {named}; identify "
+        f"{record['versions']['identify']}, {record['model']} model. They are not CAD values: what the motion can't "
+        f"tell, as how a mass splits between links, comes from {taken}."
+    )
+
+
+def exported(result: Identification, form: str) -> tuple[str, tuple[str, ...]]:
+    """Text of the identified robot as TOML, URDF or MJCF, and what the format does not carry, one sentence each."""
+    robot = identified_robot(result)
+    lost = not_carried(result, robot, form)
+    if form == "toml":
+        return _commented_toml(write_toml(robot), lost), lost
+    if form == "urdf":
+        return _commented_xml(to_urdf(robot), robot.note, lost), lost
+    if form == "mjcf":
+        nothing = np.zeros(robot.n)
+        return _commented_xml(to_mjcf(robot, position_gain=nothing, velocity_gain=nothing), robot.note, lost), lost
+    raise InputError(f"format {form!r}: choose one of {', '.join(FORMATS)}")
+
+
+def not_carried(result: Identification, robot: Robot, form: str) -> tuple[str, ...]:
+    """What of the identified model a robot file in this format leaves out."""
+    lost = list(lost_in_urdf(robot)) if form == "urdf" else []
+    coupled = [f"{row['name']} = {row['value']:.4g}" for row in result.record["physical"]["transmission"]]
+    if coupled:
+        lost.append(f"coupled motors' inertia and friction ({', '.join(coupled)}): the format has no place for them")
+    if robot.transmission and form != "toml":
+        lost.append("the transmission from motors to joints: the file's joints and efforts are those of the joint side")
+    velocity = result.settings.coulomb_velocity
+    if velocity is not None:
+        lost.append(
+            f"the passage of Coulomb friction through rest, in the fit straight up to {velocity:g} rad/s or m/s: "
+            "a file's is dry"
+        )
+    return tuple(lost)
+
+
+def _commented_toml(text: str, lost: tuple[str, ...]) -> str:
+    return "".join(f"# Not carried: {' '.join(line.split())}.\n" for line in lost) + text
+
+
+def _commented_xml(text: str, note: str, lost: tuple[str, ...]) -> str:
+    """The XML with a comment before its root element."""
+    lines = [note, *(f"Not carried: {line}." for line in lost)]
+    said = "\n".join("".join(c for c in line if c.isprintable()) for line in lines)
+    while "--" in said:  # which the name of a log may hold and a comment may not
+        said = said.replace("--", "- -")
+    return ElementTree.tostring(ElementTree.Comment(f"\n{said}\n"), encoding="unicode") + "\n" + text

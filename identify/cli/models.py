@@ -20,6 +20,8 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.robot.library import load_robot
 
     robot = load_robot(options.robot, options.joints, options.gravity)
+    if options.parameters and options.what != "lagrange":
+        raise InputError(f"--parameters {options.parameters}: {options.what} has no choice of parameters; leave it out")
     if options.what == "operations":
         from identify.symbolic.operation_table import operations
 
@@ -42,7 +44,7 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.symbolic.models import symbolic_model
     from identify.symbolic.rendering import render
 
-    found = symbolic_model(robot, options.what)
+    found = symbolic_model(robot, options.what, options.parameters)
     if not found.expressions and options.format in ("python", "c"):
         raise InputError(f"{robot.name}: {options.what}: {found.notes[0]}; there is no formula to print")
     print(render(found, options.format), end="")

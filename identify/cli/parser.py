@@ -22,6 +22,7 @@ WHAT = (
     "energy",
     "operations",
 )
+PARAMETERS = ("standard", "base")
 FORMATS = ("text", "latex", "python", "c", "json")
 ROBOT_FORMATS = ("toml", "urdf", "mjcf")
 
@@ -293,6 +294,7 @@ def _model(commands: Any) -> None:
     _chosen(command)
     command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
+    command.add_argument("--parameters", choices=PARAMETERS, help="inertial parameters of lagrange (default: standard)")
 
 
 def _codegen(commands: Any) -> None:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 RANK_TOLERANCE = 1e-9
 
+TOO_LONG = 1000
+"""Operations in the entries of a Jacobian beyond which its determinant is not factored: it would take minutes."""
+
 
 def jacobian(robot: Robot, q: np.ndarray, frame: int = 0, link: int | None = None) -> np.ndarray:
     """(N, 6, n) Jacobian ⁱJ of frame R_link (the last one if not given; index from 0) at q (n,) or (N, n).
@@ -150,13 +153,15 @@ class Singularity:
 class Determinant:
     """Factors of the determinant of ⁱJ_n (n = 6), or for n ≠ 6 of what all its largest minors share.
 
-    value: product of `factors` for a square Jacobian, None otherwise; full_rank: the largest rank of J.
+    value: product of `factors` for a square Jacobian, None otherwise; full_rank: the largest rank of J; factored:
+    False where the entries are too long for that, as those of arms with axes at any angle: then there are no factors.
     """
 
     value: sympy.Expr | None
     factors: tuple[sympy.Expr, ...]
     full_rank: int
     singularities: tuple[Singularity, ...]
+    factored: bool = True
 
 
 @lru_cache(maxsize=16)
@@ -166,6 +171,8 @@ def determinant(robot: Robot) -> Determinant:
 
     space = algebra(serial(robot))
     full = largest_rank(robot)
+    if symbolic_matrix(robot, robot.n // 2, None, space).applyfunc(lambda e: e.count_ops()).norm(1) > TOO_LONG:
+        return Determinant(None, (), full, (), factored=False)
     best = min(
         (symbolic_matrix(robot, i, point, space) for i in range(robot.n + 1) for point in {i, robot.n}),
         key=lambda m: (sum(e != 0 for e in m), m.applyfunc(lambda e: e.count_ops()).norm(1)),
@@ -303,6 +310,8 @@ def symbolic_jacobian(robot: Robot, frame: int | None = None) -> SymbolicModel:
     ]
     if found.value is not None:
         notes.append(f"determinant = {found.value}")
+    if not found.factored:
+        notes.append("determinant not factored, its axes are at too many angles; rank and manipulability give numbers")
     for singular in found.singularities:
         where = (
             " or ".join(f"q{singular.joint + 1} = {v}" for v in singular.values) if singular.joint is not None else ""

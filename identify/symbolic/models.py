@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import sympy
 
 from identify.errors import InputError
 from identify.robot.robot import Robot
-from identify.symbolic.model import SymbolicModel
+from identify.symbolic.model import Result, SymbolicModel
 
 
 def base_parameter_model(robot: Robot) -> SymbolicModel:
@@ -37,10 +38,27 @@ def base_parameter_model(robot: Robot) -> SymbolicModel:
     )
 
 
+LONG = 1500
+"""Operations beyond which a model's expressions get intermediate variables."""
+
+
+def _in_statements(model: SymbolicModel) -> SymbolicModel:
+    """The model with intermediate variables for what its expressions share, where they fill pages."""
+    from identify.symbolic.expression import Graph
+    from identify.symbolic.naming import graph_of, short_statements
+
+    if sum(int(e.count_ops()) for e in model.expressions.values()) <= LONG:
+        return model
+    graph = Graph()
+    outputs = {name: graph_of(graph, e) for name, e in model.expressions.items()}
+    results = tuple(Result(name, (name,)) for name in outputs)
+    return replace(model, expressions=short_statements(outputs, {}), results=results)
+
+
 def _direct_geometry(robot: Robot) -> SymbolicModel:
     from identify.symbolic.geometry import symbolic_direct_geometry
 
-    return symbolic_direct_geometry(robot, placed=True)
+    return _in_statements(symbolic_direct_geometry(robot, placed=True))
 
 
 def _inverse_geometry(robot: Robot) -> SymbolicModel:
@@ -52,7 +70,7 @@ def _inverse_geometry(robot: Robot) -> SymbolicModel:
 def _jacobian(robot: Robot) -> SymbolicModel:
     from identify.symbolic.jacobian import symbolic_jacobian
 
-    return symbolic_jacobian(robot)
+    return _in_statements(symbolic_jacobian(robot))
 
 
 def _inverse_kinematics(robot: Robot) -> SymbolicModel:
@@ -61,10 +79,10 @@ def _inverse_kinematics(robot: Robot) -> SymbolicModel:
     return symbolic_inverse_kinematics(robot)
 
 
-def _lagrange(robot: Robot) -> SymbolicModel:
+def _lagrange(robot: Robot, parameters: str = "standard") -> SymbolicModel:
     from identify.symbolic.lagrange import symbolic_lagrange
 
-    return symbolic_lagrange(robot)
+    return symbolic_lagrange(robot, parameters)
 
 
 def _newton_euler(robot: Robot) -> SymbolicModel:
@@ -99,12 +117,15 @@ MODELS: dict[str, Callable[[Robot], SymbolicModel]] = {
 """What `identify model --what` offers as named expressions; the table of operations is apart."""
 
 
-def symbolic_model(robot: Robot, what: str) -> SymbolicModel:
-    """The model of that name. InputError for a name that there is not, or a robot that the model is not for."""
+def symbolic_model(robot: Robot, what: str, parameters: str | None = None) -> SymbolicModel:
+    """The model of that name. InputError for a name that there is not, or a robot that the model is not for.
+
+    parameters: "standard" (if not given) or "base" ones in Lagrange's equations; other models have no choice.
+    """
     if what not in MODELS:
         raise InputError(f"what is {what!r}; choose one of {', '.join(MODELS)}")
     try:
-        model = MODELS[what](robot)
+        model = _lagrange(robot, parameters) if what == "lagrange" and parameters else MODELS[what](robot)
     except ValueError as error:
         raise InputError(f"{robot.name}: {what}: {error}") from error
     twice = sorted({*model.expressions, *model.inputs} & {name for name, _ in model.lengths})

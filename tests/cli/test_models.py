@@ -9,14 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from identify.cli.parser import FORMATS, WHAT
-from identify.symbolic import rendering
+from identify.cli.parser import FORMATS, PARAMETERS, WHAT
+from identify.symbolic import lagrange, rendering
 from identify.symbolic.models import MODELS
 
 
 def test_the_help_offers_what_there_is() -> None:
     assert set(WHAT) == {*MODELS, "operations"}
     assert FORMATS == rendering.FORMATS
+    assert PARAMETERS == lagrange.PARAMETERS
 
 
 @pytest.mark.parametrize("what", WHAT)
@@ -26,6 +27,80 @@ def test_every_model_is_printed(run, what: str) -> None:
     assert "RX-90" in shown.out
     table = run("model", "rx90", "--what", what, "--format", "json")
     assert json.loads(table.out)["robot"] == "Stäubli RX-90"
+
+
+SLIDE_AND_BRANCH = """
+name = "two branches"
+gravity = [0.0, 0.0, -9.81]
+[[joint]]
+name = "turn"
+type = "revolute"
+link = { mass = 4.0, com = [0.1, 0.02, 0.05], inertia = [0.1, 0.01, 0.0, 0.2, 0.0, 0.15] }
+[[joint]]
+name = "slide"
+type = "prismatic"
+alpha = 0.4
+d = 0.3
+link = { mass = 2.0, com = [0.03, 0.1, 0.2], inertia = [0.02, 0.0, 0.001, 0.03, 0.0, 0.01] }
+[[joint]]
+name = "arm"
+type = "revolute"
+parent = "turn"
+alpha = -0.9
+d = -0.2
+r = 0.1
+link = { mass = 1.0, com = [0.2, 0.0, 0.1], inertia = [0.01, 0.002, 0.0, 0.02, 0.0, 0.012] }
+"""
+
+
+@pytest.mark.parametrize("what", ["lagrange", "newton-euler", "direct-dynamics", "energy", "operations"])
+def test_dynamics_of_a_robot_with_branches(run, tmp_path: Path, what: str) -> None:
+    file = tmp_path / "branches.toml"
+    file.write_text(SLIDE_AND_BRANCH)
+    shown = run("model", file, "--what", what)
+    assert shown.status == 0, shown.err
+    assert "two branches" in shown.out
+
+
+@pytest.mark.parametrize("what", ["direct-geometry", "inverse-geometry", "jacobian", "inverse-kinematics"])
+def test_geometry_of_a_robot_with_branches_is_refused_in_one_line(run, tmp_path: Path, what: str) -> None:
+    file = tmp_path / "branches.toml"
+    file.write_text(SLIDE_AND_BRANCH)
+    shown = run("model", file, "--what", what)
+    assert shown.status == 2
+    assert shown.err.count("\n") == 1
+    assert "its joints branch; keep the joints of one branch" in shown.err
+
+
+def test_inverse_kinematics_without_a_formula_says_what_there_is(run, tmp_path: Path) -> None:
+    file = tmp_path / "short.toml"
+    file.write_text(SLIDE_AND_BRANCH.replace('parent = "turn"\n', ""))
+    shown = run("model", file, "--what", "inverse-kinematics")
+    assert shown.status == 0
+    assert "J is 6 x 3: it has no inverse; joint_velocity gives numbers" in shown.out
+    code = run("model", file, "--what", "inverse-kinematics", "--format", "python")
+    assert code.status == 2
+    assert code.err.count("\n") == 1
+    assert "no formula to print" in code.err
+
+
+def test_lagrange_in_base_parameters_and_no_other_model(run) -> None:
+    shown = run("model", "rx90", "--what", "lagrange", "--parameters", "base")
+    assert shown.status == 0
+    assert "ZZR1" in shown.out
+    assert "base inertial parameters" in shown.out
+    other = run("model", "rx90", "--what", "energy", "--parameters", "base")
+    assert other.status == 2
+    assert "energy has no choice of parameters" in other.err
+
+
+def test_a_length_with_the_name_of_a_variable_is_refused(run, tmp_path: Path) -> None:
+    file = tmp_path / "names.toml"
+    file.write_text(SLIDE_AND_BRANCH.replace("d = 0.3\n", 'd = 0.3\nsymbols = { d = "U" }\n'))
+    told = run("model", file, "--what", "lagrange")
+    assert told.status == 2
+    assert "give the length of that name another letter" in told.err
+    assert run("model", file, "--what", "energy").status == 0
 
 
 def test_a_table_has_no_code(run) -> None:

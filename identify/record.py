@@ -63,6 +63,7 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
 
 def log_entry(log: Log, role: str, robot: Robot) -> dict[str, Any]:
     """One log, with what reading and triage found wrong with it."""
+    found = inspect(log, {joint.name: joint.limits for joint in robot.joints}).findings
     row = {
         "path": log.source,
         "role": role,
@@ -72,7 +73,8 @@ def log_entry(log: Log, role: str, robot: Robot) -> dict[str, Any]:
         "duration_s": log.duration,
         "simulated": log.simulated,
         "noise": log.metadata.get("noise"),
-        "findings": list(inspect(log, {joint.name: joint.limits for joint in robot.joints}).findings),
+        "findings": [finding.sentence for finding in found],
+        "triage": [finding.as_dict() for finding in found],
     }
     return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 

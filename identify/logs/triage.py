@@ -10,7 +10,11 @@ from typing import Any
 import numpy as np
 
 from identify.errors import UnsupportedLogError
+from identify.logs.channel_checks import of_channels
+from identify.logs.clock_checks import GAP, of_clock
+from identify.logs.finding import ERROR, KEPT, REFUSED, WARNING, Finding, of_reading
 from identify.logs.log import Log
+from identify.logs.velocity_check import NOT_USED, of_velocity
 from identify.logs.wording import counted
 from identify.robot.robot import Limits
 
@@ -25,9 +29,14 @@ SPEED_SPAN = 0.05
 """Speeds are mean speeds over this time [s], so that encoder steps and noise do not count as motion."""
 LIMIT_TOLERANCE = 0.01
 """Share of a limit by which noise and rounding may pass it without a word."""
-GAP = 5.0
-"""A step of more than so many median steps is a gap in the recording."""
-UNEVEN = 1.5
+DEGREES_RANGE, DEGREES_SPEED = 8 * math.pi, 30.0
+"""A joint that spans more [rad] faster [rad/s] than this is rather in degrees, where no limits are known."""
+AT_LIMIT = 0.99
+"""Share of its limit from which an effort is at it."""
+AT_LIMIT_SHARE = 1e-3
+"""Share of the samples at the limit from which an effort is saturated."""
+LEAST_EFFORT = 0.01
+"""Share of its limit that the effort of one joint at least exceeds in any motion that is worth a fit."""
 _SPARKS = "▁▂▃▄▅▆▇█"
 _SPARK_LENGTH = 32
 
@@ -85,7 +94,7 @@ class Findings:
     has_velocity: bool
     has_effort: bool
     joints: tuple[JointFacts, ...]
-    findings: tuple[str, ...]
+    findings: tuple[Finding, ...]
 
     @property
     def jitter(self) -> float:
@@ -103,7 +112,12 @@ class Findings:
             }
             for facts in self.joints
         ]
-        return {**asdict(self), "jitter": self.jitter, "joints": joints, "findings": list(self.findings)}
+        return {
+            **asdict(self),
+            "jitter": self.jitter,
+            "joints": joints,
+            "findings": [f.as_dict() for f in self.findings],
+        }
 
     def summary(self) -> str:
         """A page of text for the terminal."""
@@ -121,7 +135,11 @@ class Findings:
                 f"{facts.joint:<16} {facts.position_min:9.3f} {facts.position_max:9.3f} {facts.max_speed:9.3f} "
                 f"{effort:19} {100 * facts.rest_share:5.0f} %  {facts.sparkline}"
             )
-        return "\n".join([*lines, "", *(f"- {finding}" for finding in self.findings or ("nothing odd was found",))])
+        return "\n".join([*lines, "", *(self.told() or ["- nothing odd was found"])])
+
+    def told(self) -> list[str]:
+        """The findings as lines of text: kind, sentence and what was done."""
+        return [f"- {f.severity}: {f.kind}: {f.sentence}" for f in self.findings]
 
 
 def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
@@ -131,10 +149,16 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
     speed = mean_speed(log)
     moving = (np.abs(speed) > REST_SPEED).any(axis=1)
     facts = tuple(_joint_facts(log, j, speed[:, j]) for j in range(len(log.joints)))
+    moves = np.array([fact.moves for fact in facts], dtype=bool)
     gaps = int((steps > GAP * median).sum())
-    sentences = [*log.findings, *_of_time(steps, gaps, log), *_of_joints(log, facts)]
-    for fact in facts:
-        sentences.extend(_of_limits(fact, (limits or {}).get(fact.joint, Limits())))
+    found = [
+        *map(of_reading, log.findings),
+        *of_clock(log.time),
+        *_of_joints(log, facts),
+        *of_channels(log, speed),
+        *of_velocity(log, speed, moves, SPEED_SPAN),
+        *_of_limits(log, facts, limits or {}),
+    ]
     return Findings(
         source=log.source,
         samples=log.samples,
@@ -148,7 +172,7 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
         has_velocity=log.velocity is not None,
         has_effort=log.effort is not None,
         joints=facts,
-        findings=tuple(sentences),
+        findings=tuple(found),
     )
 
 
@@ -157,11 +181,17 @@ def require_identifiable(log: Log, joints: Sequence[str] | None = None) -> None:
 
     joints: those to be identified, by default all of the log's. Refused: a joint without position, no or dead
     effort on a joint that moves, no joint that moves, less than LEAST_MOTION seconds of motion, fewer than
-    LEAST_SAMPLES samples.
+    LEAST_SAMPLES samples, and findings that are errors.
     """
     from identify.logs.slicing import select
 
-    found = inspect(log if joints is None else select(log, joints))
+    reasons = refusals(inspect(log if joints is None else select(log, joints)))
+    if reasons:
+        raise UnsupportedLogError(*reasons)
+
+
+def refusals(found: Findings) -> list[str]:
+    """Why the log that these findings are of can't support a result; empty where it can."""
     moving = [facts for facts in found.joints if facts.moves]
     reasons = []
     if found.samples < LEAST_SAMPLES:
@@ -183,8 +213,8 @@ def require_identifiable(log: Log, joints: Sequence[str] | None = None) -> None:
         reasons.append(
             f"the effort of {', '.join(dead)} never changes though the joint moves; record torque or current"
         )
-    if reasons:
-        raise UnsupportedLogError(*reasons)
+    told = ("dead effort", "no effort")
+    return reasons + [f.text for f in found.findings if f.severity == ERROR and f.kind not in told]
 
 
 def mean_speed(log: Log) -> np.ndarray:
@@ -220,50 +250,80 @@ def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
     )
 
 
-def _of_time(steps: np.ndarray, gaps: int, log: Log) -> list[str]:
-    median = float(np.median(steps))
-    if gaps:
-        worst = int(steps.argmax())
-        where = f"the longest {steps[worst]:.3f} s at {log.time[worst]:.3f} s"
-        return [f"the recording has {counted(gaps, 'gap')} of more than {GAP:g} median steps, {where}"]
-    if steps.max() > UNEVEN * median > 0:
-        return [f"the sampling is uneven: the longest step is {steps.max() / median:.1f} times the median one"]
-    return []
-
-
-def _of_joints(log: Log, facts: tuple[JointFacts, ...]) -> list[str]:
-    sentences = []
-    still = [fact.joint for fact in facts if not fact.moves]
+def _of_joints(log: Log, facts: tuple[JointFacts, ...]) -> list[Finding]:
+    findings = []
+    still = tuple(fact.joint for fact in facts if not fact.moves)
     if still:
-        sentences.append(f"no motion beyond {STILL_RANGE} rad or m in {', '.join(still)}: nothing of it can be learnt")
-    dead = [fact.joint for fact in facts if fact.moves and fact.effort_dead]
+        text = f"no motion beyond {STILL_RANGE} rad or m in {', '.join(still)}: nothing of it can be learnt"
+        findings.append(Finding("no motion", WARNING, text, KEPT, still))
+    dead = tuple(fact.joint for fact in facts if fact.moves and fact.effort_dead)
     if log.effort is not None and dead:
-        sentences.append(f"the effort of {', '.join(dead)} never changes though the joint moves")
+        text = f"the effort of {', '.join(dead)} never changes though the joint moves"
+        findings.append(Finding("dead effort", ERROR, text, REFUSED, dead))
     if log.effort is None:
-        sentences.append("the log holds no effort")
+        findings.append(Finding("no effort", ERROR, "the log holds no effort", REFUSED))
     if log.velocity is not None:
         flat = np.ptp(log.velocity, axis=0) == 0
-        stuck = [fact.joint for fact, constant in zip(facts, flat, strict=True) if fact.moves and constant]
+        stuck = tuple(fact.joint for fact, constant in zip(facts, flat, strict=True) if fact.moves and constant)
         if stuck:
-            sentences.append(f"the velocity of {', '.join(stuck)} never changes though the joint moves")
-    return sentences
+            text = f"the velocity of {', '.join(stuck)} never changes though the joint moves"
+            findings.append(Finding("dead velocity", WARNING, text, NOT_USED, stuck))
+    return findings
 
 
-def _of_limits(fact: JointFacts, limits: Limits) -> list[str]:
-    sentences = []
+def _of_limits(log: Log, facts: tuple[JointFacts, ...], limits: Mapping[str, Limits]) -> list[Finding]:
+    """What the motion and effort of the joints are by their limits, in words that name the likely mistake."""
+    findings, degrees, faint = [], [], []
+    for j, fact in enumerate(facts):
+        limit = limits.get(fact.joint, Limits())
+        if _in_degrees(fact, limit):
+            degrees.append(fact.joint)
+            continue
+        findings += _beyond(fact, limit)
+        largest = max(abs(fact.effort_min or 0.0), abs(fact.effort_max or 0.0))
+        faint.append(0 < largest < LEAST_EFFORT * limit.effort < math.inf)
+        if log.effort is not None and largest <= (1 + LIMIT_TOLERANCE) * limit.effort < math.inf:
+            share = float((np.abs(log.effort[:, j]) >= AT_LIMIT * limit.effort).mean())
+            if share > AT_LIMIT_SHARE:
+                text = (
+                    f"the effort of {fact.joint} is at its limit {limit.effort:g} in {100 * share:.1f} % of the samples"
+                )
+                findings.append(Finding("saturation", WARNING, text, KEPT, (fact.joint,)))
+    if degrees:
+        text = f"the position of {', '.join(degrees)} is beyond any joint in rad, and would be possible in degrees"
+        findings.insert(0, Finding("degrees", ERROR, text, f"{REFUSED}; give the unit in a map", tuple(degrees)))
+    if faint and all(faint):
+        text = f"no effort exceeds {100 * LEAST_EFFORT:g} % of its limit: is it a current, or in another unit?"
+        findings.append(Finding("effort unit", WARNING, text, KEPT, tuple(fact.joint for fact in facts)))
+    return findings
+
+
+def _in_degrees(fact: JointFacts, limits: Limits) -> bool:
+    """Whether the position makes sense in degrees alone."""
+    low, high = limits.position
+    if not math.isfinite(high - low):
+        return fact.position_range > DEGREES_RANGE and fact.max_speed > DEGREES_SPEED
+    shrunk = [math.radians(value) for value in (fact.position_min, fact.position_max)]
+    inside = low - LIMIT_TOLERANCE <= min(shrunk) and max(shrunk) <= high + LIMIT_TOLERANCE
+    # Twice the whole range of the joint is no wrong offset.
+    return inside and fact.position_range > 2 * (high - low)
+
+
+def _beyond(fact: JointFacts, limits: Limits) -> list[Finding]:
+    found = []
     low, high = limits.position
     room = LIMIT_TOLERANCE * (high - low) if math.isfinite(high - low) else 0.0
     if fact.position_min < low - room or fact.position_max > high + room:
-        sentences.append(
+        found.append(
             f"{fact.joint} goes from {fact.position_min:.3f} to {fact.position_max:.3f}, beyond its limits {low:g} and "
             f"{high:g}: are units, offset or sign right?"
         )
     if fact.max_speed > (1 + LIMIT_TOLERANCE) * limits.velocity:
-        sentences.append(f"{fact.joint} reaches a speed of {fact.max_speed:.3f}, beyond its limit {limits.velocity:g}")
+        found.append(f"{fact.joint} reaches a speed of {fact.max_speed:.3f}, beyond its limit {limits.velocity:g}")
     largest = max(abs(fact.effort_min or 0.0), abs(fact.effort_max or 0.0))
     if largest > (1 + LIMIT_TOLERANCE) * limits.effort:
-        sentences.append(f"{fact.joint} shows an effort of {largest:.3f}, beyond its limit {limits.effort:g}")
-    return sentences
+        found.append(f"{fact.joint} shows an effort of {largest:.3f}, beyond its limit {limits.effort:g}")
+    return [Finding("beyond limits", WARNING, text, KEPT, (fact.joint,)) for text in found]
 
 
 def _sparkline(values: np.ndarray) -> str:

@@ -74,17 +74,19 @@ def test_text_and_json():
 def test_gaps_and_uneven_sampling_are_found():
     log = swing()
     gap = replace(log, time=log.time + 0.3 * (np.arange(4000) > 1234))
-    assert inspect(gap).findings == (
-        "the recording has 1 gap of more than 5 median steps, the longest 0.301 s at 1.234 s",
-    )
+    (found,) = inspect(gap).findings
+    assert found.kind == "gap"
+    assert found.text == "the recording has 1 gap of more than 5 median steps, the longest 0.301 s at 1.234 s"
+    assert found.sentence.endswith("(resampled onto an even clock, by straight lines between samples)")
     late = replace(log, time=log.time + 0.002 * (np.arange(4000) > 1234))
-    assert inspect(late).findings == ("the sampling is uneven: the longest step is 3.0 times the median one",)
+    (found,) = inspect(late).findings
+    assert found.text == "the sampling is uneven: the longest step is 3.0 times the median one"
     assert inspect(late).jitter == pytest.approx(3)
 
 
 def test_limits_tell_wrong_units():
     limits = {"a": Limits((-1, 1), 3.0, 10.0, 10.0), "b": Limits((-1, 1), 3.0, 10.0, 10.0)}
-    (position, speed, effort) = inspect(swing(), limits).findings
+    (position, speed, effort) = (finding.text for finding in inspect(swing(), limits).findings)
     assert position.startswith("b goes from 0.000 to 2.500, beyond its limits -1 and 1")
     assert speed.startswith("b reaches a speed of 7.4")
     assert effort.startswith("b shows an effort of 20.000, beyond its limit 10")
@@ -93,16 +95,17 @@ def test_limits_tell_wrong_units():
 def test_a_joint_that_rests_is_a_finding_and_no_refusal():
     log = swing()
     log = replace(log, position=log.position * [0.009, 1.0], effort=log.effort * [0.0, 1.0])
-    assert inspect(log).findings == ("no motion beyond 0.01 rad or m in a: nothing of it can be learnt",)
+    (found,) = inspect(log).findings
+    assert (found.kind, found.joints) == ("no motion", ("a",))
+    assert found.text == "no motion beyond 0.01 rad or m in a: nothing of it can be learnt"
     require_identifiable(log)
     with pytest.raises(UnsupportedLogError, match="static"):
         require_identifiable(log, ["a"])
 
 
 def test_a_velocity_that_never_changes_is_found():
-    assert inspect(replace(swing(), velocity=np.zeros((4000, 2)))).findings == (
-        "the velocity of a, b never changes though the joint moves",
-    )
+    (found,) = inspect(replace(swing(), velocity=np.zeros((4000, 2)))).findings
+    assert found.text == "the velocity of a, b never changes though the joint moves"
 
 
 @pytest.mark.parametrize(

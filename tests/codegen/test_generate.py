@@ -19,13 +19,15 @@ import pytest
 from chains import random_chain
 from symbolic_models import states, tilted
 
+from identify.codegen.angles import with_products
 from identify.codegen.generate import generate, identifier, left_out
 from identify.errors import InputError
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
-from identify.robot.robot import Robot, Transmission
+from identify.robot.robot import Drive, Robot, Transmission
+from identify.symbolic.expression import Graph, cos, evaluate, reachable, sin
 
-WARNINGS = ("-Wall", "-Wextra", "-Werror", "-Wpedantic", "-std=c99")
+WARNINGS = ("-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wwrite-strings", "-std=c99")
 SIGNALS = {
     "inverse_dynamics": ("q", "dq", "ddq"),
     "torque_regressor": ("q", "dq", "ddq"),
@@ -147,6 +149,160 @@ def test_c_is_right_clean_and_tests_itself(name: str, tmp_path: Path) -> None:
     agreeing(name, call)
 
 
+def odd_names() -> Robot:
+    """One joint without friction, and names that are neither ASCII nor harmless in a comment or a string."""
+    robot = random_chain(np.random.default_rng(1), 1)
+    joint = replace(robot.joints[0], name='Gelenk "ä" \\n ??/ */', drive=Drive())
+    return replace(robot, name='Roboter "*/ \\ ??/\n#error Nr. 7', joints=(joint,))
+
+
+def seven_joints() -> Robot:
+    return replace(random_chain(np.random.default_rng(12), 7, special=True), name="日本 7")
+
+
+@pytest.mark.parametrize("make", [odd_names, seven_joints])
+def test_any_robot_passes_its_self_test(make: Callable[[], Robot], tmp_path: Path) -> None:
+    robot = make()
+    prefix = identifier(robot.name)
+    for language in ("c", "python"):
+        for file, text in generate(robot, language).items():
+            (tmp_path / file).write_bytes(text.encode("ascii" if language == "c" else "utf-8"))
+    told = run([sys.executable, f"{prefix}.py"], tmp_path)
+    assert told.returncode == 0, told.stdout + told.stderr
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler: the generated C is not compiled")
+    built = run([compiler, *WARNINGS, "-Wtrigraphs", "-DSELF_TEST", f"{prefix}.c", "-o", "self_test", "-lm"], tmp_path)
+    assert built.returncode == 0, built.stderr
+    assert run(["./self_test"], tmp_path).returncode == 0
+
+
+def compiled(name: str, folder: Path, *flags: str) -> ctypes.CDLL:
+    """The robot's models as a shared library, built with these flags."""
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler: the generated C is not compiled")
+    for file, text in files(name, "c").items():
+        (folder / file).write_text(text, encoding="ascii")
+    library = f"models{'_'.join(flags)}.so"
+    source = f"{identifier(robot_called(name).name)}.c"
+    built = run([compiler, "-std=c99", *flags, "-shared", "-fPIC", source, "-o", library, "-lm"], folder)
+    assert built.returncode == 0, built.stderr
+    return ctypes.CDLL(str(folder / library))
+
+
+def results(name: str, library: ctypes.CDLL) -> list[bytes]:
+    """The bytes that every function returns at a few states."""
+    robot = robot_called(name)
+    rng = np.random.default_rng(3)
+    found = []
+    for _ in range(20):
+        signals = {s: rng.normal(size=robot.n) for s in ("q", "dq", "ddq", "dq_ref", "ddq_ref")}
+        for function, inputs in SIGNALS.items():
+            out = np.zeros(max(16, 6 * robot.n, robot.n * len(parameters(name))))
+            pointers = [x.ctypes.data_as(ctypes.c_void_p) for x in (*(signals[s] for s in inputs), out)]
+            getattr(library, f"{identifier(robot.name)}_{function}")(*pointers)
+            found.append(out.tobytes())
+    return found
+
+
+def test_the_same_bits_from_call_to_call_and_whatever_the_optimisation(tmp_path: Path) -> None:
+    plain = compiled("coupled_tree", tmp_path, "-O0")
+    fast = compiled("coupled_tree", tmp_path, "-O2", "-march=native", "-ffp-contract=off")
+    first = results("coupled_tree", plain)
+    assert first == results("coupled_tree", plain)
+    assert first == results("coupled_tree", fast)
+
+
+def test_valgrind_finds_nothing(tmp_path: Path) -> None:
+    compiler, valgrind = shutil.which("cc"), shutil.which("valgrind")
+    if compiler is None or valgrind is None:
+        pytest.skip("no C compiler or no valgrind: the generated C is NOT checked for bad memory accesses")
+    for file, text in files("rx90", "c").items():
+        (tmp_path / file).write_text(text, encoding="ascii")
+    source = f"{identifier(robot_called('rx90').name)}.c"
+    assert run([compiler, "-g", "-O1", "-DSELF_TEST", source, "-o", "self_test", "-lm"], tmp_path).returncode == 0
+    checked = run([valgrind, "-q", "--error-exitcode=9", "--leak-check=full", "./self_test"], tmp_path)
+    assert checked.returncode == 0, checked.stderr
+    assert "inverse_geometry sample 3: ok" in checked.stdout
+
+
+def test_a_program_in_cpp_links_the_header(tmp_path: Path) -> None:
+    compiler, plus = shutil.which("cc"), shutil.which("c++")
+    if compiler is None or plus is None:
+        pytest.skip("no C or no C++ compiler: the header is not tried in C++")
+    name, prefix = "rx90", identifier(robot_called("rx90").name)
+    for file, text in files(name, "c").items():
+        (tmp_path / file).write_text(text, encoding="ascii")
+    big = prefix.upper()
+    (tmp_path / "main.cpp").write_text(
+        f"""#include "{prefix}.h"
+        #include <cmath>
+        int main() {{
+            double q[{big}_JOINTS] = {{0.1, 0.2, 0.3, 0.4, 0.5, 0.6}}, pose[16];
+            double found[{big}_SOLUTIONS][{big}_JOINTS];
+            int inside[{big}_SOLUTIONS];
+            {prefix}_direct_geometry(q, pose);
+            const int count = {prefix}_inverse_geometry(pose, q, found, inside);
+            bool there = false;
+            for (int k = 0; k < count; ++k) there = there || std::fabs(found[k][4] - q[4]) < 1e-12;
+            return there && count == 8 && {prefix}_joint_names[5][0] == 'j' && {big}_IDENTIFIED == 0 ? 0 : 1;
+        }}""",
+        encoding="ascii",
+    )
+    assert run([compiler, "-std=c99", "-c", f"{prefix}.c"], tmp_path).returncode == 0
+    built = run([plus, "-std=c++11", "-Wall", "-Wextra", "-Werror", "main.cpp", f"{prefix}.o", "-o", "main"], tmp_path)
+    assert built.returncode == 0, built.stderr
+    assert run(["./main"], tmp_path).returncode == 0
+
+
+def test_identified_parameters_carry_their_covariance(tmp_path: Path) -> None:
+    robot = odd_names()
+    p = Regressor(robot).p
+    square = np.random.default_rng(0).normal(size=(p, p))
+    covariance = square @ square.T
+    theta = np.arange(1.0, p + 1)
+    ((file, text),) = generate(robot, "python", theta, covariance).items()
+    space: dict = {"__name__": "generated"}
+    exec(compile(text, file, "exec"), space)
+    np.testing.assert_array_equal(space["COVARIANCE"], covariance)
+    np.testing.assert_array_equal(space["STANDARD_DEVIATIONS"], np.sqrt(np.diag(covariance)))
+    with pytest.raises(InputError, match=f"give {p} by {p} finite numbers"):
+        generate(robot, "c", theta, covariance[:-1])
+    compiler = shutil.which("cc")
+    if compiler is None:
+        pytest.skip("no C compiler: the generated C is not compiled")
+    prefix = identifier(robot.name)
+    for name, source in generate(robot, "c", theta, covariance).items():
+        (tmp_path / name).write_text(source, encoding="ascii")
+    built = run([compiler, *WARNINGS, "-shared", "-fPIC", f"{prefix}.c", "-o", "models.so", "-lm"], tmp_path)
+    assert built.returncode == 0, built.stderr
+    library = ctypes.CDLL(str(tmp_path / "models.so"))
+
+    def array(name: str, size: int) -> np.ndarray:
+        return np.array((ctypes.c_double * size).in_dll(library, f"{prefix}_{name}"))
+
+    np.testing.assert_array_equal(array("parameters", p), theta)
+    np.testing.assert_array_equal(array("covariance", p * p).reshape(p, p), covariance)
+    np.testing.assert_array_equal(array("standard_deviations", p), np.sqrt(np.diag(covariance)))
+    np.testing.assert_array_equal(array("position_high", 1), [robot.joints[0].limits.position[1]])
+    (joint,) = (ctypes.c_char_p * 1).in_dll(library, f"{prefix}_joint_names")
+    assert joint is not None
+    assert joint.decode() == robot.joints[0].name
+
+
+def test_products_for_cosines_of_sums_keep_the_values() -> None:
+    graph = Graph()
+    a, b, c = (graph.symbol(name) for name in "abc")
+    outputs = [cos(a) + sin(a), cos(b) * sin(b), cos(c) - sin(c), cos(a + b), sin(a + b) * sin(a - c), cos((a + b) - c)]
+    outputs += [cos(a * b), sin(b + graph.constant(0.3)), cos(a - c)]
+    made = with_products(outputs)
+    values = {"a": 0.7, "b": -1.9, "c": 2.3}
+    np.testing.assert_allclose(evaluate(made, values), evaluate(outputs, values), rtol=0, atol=1e-15)
+    calls = [made[0].graph.nodes[i] for i in reachable(made[0].graph, made)]
+    assert sum(node[0] in ("cos", "sin") for node in calls) == 8
+
+
 def test_the_self_test_can_fail(tmp_path: Path) -> None:
     compiler = shutil.which("cc")
     if compiler is None:
@@ -223,3 +379,6 @@ def test_identifiers() -> None:
     assert identifier("Stäubli RX-90") == "staubli_rx_90"
     assert identifier("3R planar") == "robot_3r_planar"
     assert identifier("*") == "robot"
+    # A file of that name beside a program would be imported in place of the library's.
+    assert identifier("Math") == "robot_math"
+    assert identifier("class") == "robot_class"

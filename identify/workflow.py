@@ -267,6 +267,7 @@ def _identified(
         record["test_reason"] = "no held-out log was given"
     if estimator == ALL and both.torque:
         record["estimators"] = _side_by_side(regressor, both.torque, train, test)
+    record["versions"]["regressor"] = regressor.backend
     record["verdict"] = verdict(record)
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from identify.codegen.functions import REFERENCES, Function
-from identify.symbolic.expression import Expression, arguments, reachable
-
-SYMBOLS = {"add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "neg": "-{}"}
+from identify.symbolic import printing
+from identify.symbolic.expression import Expression, reachable
 
 
 def argument(prefix: str) -> str:
@@ -23,28 +22,14 @@ def statements(
     `constants` {symbol: text}; `call` gives the name of "cos" and "sin" in the language. Temporaries are numbered from
     1 in each function, so that the text depends on nothing but the robot.
     """
-    outputs = list(function.entries.values())
-    graph = outputs[0].graph if outputs else None
     n = max((len(ratios) for ratios in function.signs.values()), default=0)
-    place: dict[int, str] = {}
-    lines: list[tuple[str, str]] = []
     signals = {f"{prefix}{j + 1}": f"{argument(prefix)}[{j}]" for prefix in function.inputs for j in range(n or 64)}
-    for i in reachable(graph, outputs) if graph else []:
-        node = graph.nodes[i]  # type: ignore[union-attr]
-        x = [place[k] for k in arguments(node)]
-        match node[0]:
-            case "constant":
-                place[i] = repr(node[1]) if node[1] >= 0 else f"({node[1]!r})"
-            case "symbol":
-                name = node[1]
-                place[i] = signals.get(name) or constants.get(name, name)
-            case "cos" | "sin":
-                lines.append((f"t{len(lines) + 1}", f"{call(node[0])}({x[0]})"))
-                place[i] = lines[-1][0]
-            case _:
-                lines.append((f"t{len(lines) + 1}", SYMBOLS[node[0]].format(*x)))
-                place[i] = lines[-1][0]
-    return lines, {at: place[e.index] for at, e in function.entries.items()}
+
+    def leaf(name: str) -> str:
+        return signals.get(name) or constants.get(name, name)
+
+    lines, values = printing.statements(list(function.entries.values()), leaf, call)
+    return lines, dict(zip(function.entries, values, strict=True))
 
 
 def unused(function: Function) -> list[str]:

@@ -100,7 +100,10 @@ def liveliest(log: Log, seconds: float) -> Log:
     if log.duration <= seconds:
         return log
     span = np.maximum(np.ptp(log.position, axis=0), 1e-12)
-    way = np.concatenate([[0.0], np.cumsum((np.abs(np.diff(log.position, axis=0)) / span).sum(axis=1))])
+    step = np.zeros(log.samples - 1)
+    for position, width in zip(log.position.T, span, strict=True):  # one joint at a time: a log may be long
+        step += np.abs(np.diff(position)) / width
+    way = np.concatenate([[0.0], np.cumsum(step)])
     starts = log.time[log.time <= log.time[-1] - seconds]
     first = int(np.argmax(np.interp(starts + seconds, log.time, way) - way[: len(starts)]))
     return window(log, starts[first], starts[first] + seconds)

@@ -15,8 +15,8 @@ JITTER = 0.02
 REACH = 2.0
 """How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
 
-SETTLED = 10.0
-"""Periods of its cut-off after which the low-pass has forgotten an end: its slowest pole decays by e^(-2.4) in each."""
+FORGOTTEN = 1e-11
+"""Share of what a low-pass met at an end of a record that may be left of it where the end counts as far away."""
 
 GROUP = 48
 """Thinned rows made in one product: more would multiply more zeros, fewer would be less of a matrix."""
@@ -116,9 +116,11 @@ def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:
     return x if factor == 1 else low_pass(x, 0.4 * rate / factor, rate)[::factor]
 
 
+@lru_cache(maxsize=64)
 def settled(cutoff: float, rate: float) -> int:
-    """Samples after which the low-pass at `cutoff` has forgotten an end: to 1e-11 of what it was."""
-    return int(np.ceil(SETTLED * rate / min(cutoff, 0.4 * rate)))
+    """Samples after which the low-pass at `cutoff` has forgotten an end, by its slowest pole."""
+    poles = [np.abs(np.roots(section[3:])).max() for section in _butterworth(min(cutoff, 0.4 * rate), rate)]
+    return int(np.ceil(np.log(FORGOTTEN) / np.log(max(poles))))
 
 
 def thinned(x: np.ndarray, rows: range, cutoff: float, rate: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from identify.regressor.regressor import Regressor
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """Sums over samples, one set a joint, so that joints may be weighted afterwards: Σ_j w_j·gram_j·θ = Σ_j w_j·moment_j.
+    """Sums over samples, one set a joint, so that joints may be weighted afterwards: Σ w_j·gram_j·θ = Σ w_j·moment_j.
 
     gram (n, p, p) YᵀY; moment (n, p) YᵀΓ; power (n,) ΓᵀΓ; samples. Those of several logs add up.
     """

@@ -5,7 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.estimation.motion import continuation, decimated, differentiated, low_pass, motion_of, uniform
+from identify.estimation.motion import (
+    GROUP,
+    clock,
+    continuation,
+    decimated,
+    differentiated,
+    low_pass,
+    motion_of,
+    resampled,
+    settled,
+    thinned,
+    uniform,
+)
 from identify.logs.log import Log
 
 RATE = 500.0
@@ -105,9 +117,9 @@ def test_a_gap_and_a_slow_drift_are_resampled_too() -> None:
     missing = np.ones(len(TIME), dtype=bool)
     missing[1000:1400] = False
     drifting = TIME + 0.004 * np.sin(2 * np.pi * TIME / 8)  # steps within 2 %, the clock two samples off in between
-    for clock in (TIME[missing], drifting):
-        values = 3.0 * clock[:, None]
-        time, (even,), _ = uniform(log_of(clock, values), values)
+    for own in (TIME[missing], drifting):
+        values = 3.0 * own[:, None]
+        time, (even,), _ = uniform(log_of(own, values), values)
         np.testing.assert_allclose(even[:, 0], 3.0 * time, rtol=0, atol=1e-12)
     assert uniform(log_of(TIME, ramp), ramp)[1][0] is ramp
 
@@ -128,3 +140,45 @@ def test_decimation_keeps_what_is_slow_and_folds_nothing_back() -> None:
     bound = 1.1 * (20 / 52) ** 8  # |H|² of order 4 (cut-off 20 Hz), passed twice
     np.testing.assert_allclose(kept[50:-50], slow[::10][50:-50], atol=bound)
     assert decimated(slow, 1, RATE) is slow
+
+
+@pytest.mark.parametrize(
+    ("samples", "rows", "cutoff"),
+    [
+        (9000, range(50, 8950, 25), 10.0),
+        (9000, range(0, 9000, 7), 10.0),
+        (9000, range(8000, 9000, 3), 20.0),
+        (9000, range(700, 8000, 25), 400.0),
+        (900, range(3, 890, 25), 10.0),
+        (12, range(0, 12, 5), 10.0),
+        (9000, range(20, 20, 5), 10.0),
+    ],
+)
+def test_thinned_is_the_low_pass_at_its_rows(samples: int, rows: range, cutoff: float) -> None:
+    """By the impulse response inside, at the ends and on short records by the filter itself."""
+    x = np.random.default_rng(0).normal(size=(3, samples)).cumsum(axis=1)
+    expected = low_pass(x.T, cutoff, RATE)[list(rows)].T
+    found = thinned(x, rows, cutoff, RATE)
+    assert found.shape == (3, len(rows))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-10 * np.abs(x).max())
+    assert samples < 9000 or not rows or len(rows) > GROUP
+
+
+def test_a_filter_forgets_an_end_when_it_has_settled() -> None:
+    step = np.ones((4000, 1))
+    step[0] = 1e3
+    for cutoff in (5.0, 10.0, 100.0):
+        away = np.abs(low_pass(step, cutoff, RATE) - 1.0)[settled(cutoff, RATE) :]
+        assert away.max() < 1e3 * 1e-10
+
+
+def test_a_part_of_a_clock_is_resampled_as_the_whole() -> None:
+    time = TIME + np.random.default_rng(1).uniform(-0.4, 0.4, len(TIME)) / RATE
+    log = log_of(time, np.column_stack([np.sin(time), time**2]))
+    even, rate, regular = clock(log)
+    assert not regular
+    assert rate == pytest.approx(RATE, rel=1e-3)
+    _, (whole,), _ = uniform(log, log.position)
+    for part in (slice(0, 300), slice(1234, 1235), slice(3000, len(TIME))):
+        np.testing.assert_array_equal(resampled(log, even[part], log.position)[0], whole[part])
+    assert clock(log_of(TIME, log.position))[2]

@@ -1,4 +1,4 @@
-"""Normal equations block by block: what the whole regressor gives, whatever computes, and as exact as QR once refined."""
+"""Normal equations block by block: what the whole regressor gives, and as exact as QR once refined."""
 
 from __future__ import annotations
 

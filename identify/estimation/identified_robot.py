@@ -11,6 +11,7 @@ import numpy as np
 
 from identify.errors import InputError
 from identify.estimation.identification import Identification
+from identify.regressor.columns import COUPLED
 from identify.robot.mjcf import to_mjcf
 from identify.robot.robot import Drive, Robot
 from identify.robot.toml_writing import write_toml
@@ -55,8 +56,14 @@ def identified_robot(result: Identification) -> Robot:
         )
         values = {key: float(drive[key]) for key in ("inertia", "viscous", "coulomb", "offset")}
         joints.append(replace(joint, link=body, drive=Drive(**values)))
+    transmission = result.robot.transmission
+    if transmission and physical["transmission"]:
+        found = {row["name"]: float(row["value"]) for row in physical["transmission"]}
+        motors = (Drive(*(found.get(f"{kind}{k}", 0.0) for kind in COUPLED)) for k in range(1, result.robot.n + 1))
+        transmission = replace(transmission, motors=tuple(motors))
     said = f" The description that was fitted says: {result.robot.note}" if result.robot.note else ""
-    return replace(result.robot, joints=tuple(joints), note=provenance(result.record) + said)
+    note = provenance(result.record) + said
+    return replace(result.robot, joints=tuple(joints), transmission=transmission, note=note)
 
 
 def link_table(robot: Robot) -> list[dict[str, Any]]:
@@ -111,7 +118,7 @@ def not_carried(result: Identification, robot: Robot, form: str) -> tuple[str, .
     """What of the identified model a robot file in this format leaves out."""
     lost = list(lost_in_urdf(robot)) if form == "urdf" else []
     coupled = [f"{row['name']} = {row['value']:.4g}" for row in result.record["physical"]["transmission"]]
-    if coupled:
+    if coupled and form != "toml":
         lost.append(f"coupled motors' inertia and friction ({', '.join(coupled)}): the format has no place for them")
     if robot.transmission and form != "toml":
         lost.append("the transmission from motors to joints: the file's joints and efforts are those of the joint side")

@@ -74,8 +74,12 @@ class Regressor:
 
     @property
     def parameters(self) -> np.ndarray:
-        """(p,) θ as the robot's description states it: links and drives, no inertia or friction of coupled motors."""
+        """(p,) θ as the robot's description states it: links, drives and coupled motors."""
         drives = {f"{c}{j + 1}": x for j, joint in enumerate(self.robot.joints) for c, x in _friction(joint.drive)}
+        motors = self.robot.transmission.motors if self.robot.transmission else ()
+        for k, _ in self.robot.couplings if motors else ():
+            motor = motors[k]
+            drives |= {f"Iam{k + 1}": motor.inertia, f"Fvm{k + 1}": motor.viscous, f"Fsm{k + 1}": motor.coulomb}
         return self.theta(self.robot.standard, drives)
 
     def theta(self, standard: np.ndarray, extra: Mapping[str, float]) -> np.ndarray:

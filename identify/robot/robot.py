@@ -113,10 +113,13 @@ class Transmission:
     """Linear transmission: motor position = matrix × joint position; joint effort = matrixᵀ × motor effort.
 
     matrix (n, n), one row a motor, in the robot's joint order. A row with more than one entry is a
-    coupled axis; its motor k adds the columns Iam, Fvm and Fsm to the regressor.
+    coupled axis; its motor k adds the columns Iam, Fvm and Fsm to the regressor. motors: what coupled motors have of
+    inertia and friction, in units of their joint, as part of which Ia and Fv of each of their joints count it too;
+    one a motor, those of motors that are not coupled say nothing; () where nothing is known.
     """
 
     matrix: Matrix
+    motors: tuple[Drive, ...] = ()
 
     @property
     def array(self) -> np.ndarray:

@@ -216,4 +216,6 @@ def _reduced(robot: Robot, held: set[int], source: str) -> Transmission | None:
                 raise RobotError(
                     f"{source}: --joints: the motor of {names[motor]!r} turns with {names[k]!r}; keep both, or neither"
                 )
-    return Transmission(tuple(tuple(matrix[row][k] for k in kept) for row in kept))
+    motors = robot.transmission.motors
+    reduced = tuple(tuple(matrix[row][k] for k in kept) for row in kept)
+    return Transmission(reduced, tuple(motors[k] for k in kept) if motors else ())

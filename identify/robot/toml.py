@@ -214,7 +214,7 @@ def _rows(value: Any, n: int, where: str) -> Matrix:
 
 def _transmission(value: Any, joints: tuple[Joint, ...], source: str) -> Transmission:
     where = f"{source}: transmission"
-    given = checks.table(value, ("matrix",), where)
+    given = checks.table(value, ("matrix", "motors"), where)
     if "matrix" not in given:
         raise RobotError(
             f"{where}: no matrix; add  matrix = [[...], ...]  with motor position = matrix × joint position"
@@ -230,7 +230,12 @@ def _transmission(value: Any, joints: tuple[Joint, ...], source: str) -> Transmi
         raise RobotError(
             f"{where}.matrix: singular: two motors turn alike, so joint positions can't be told from theirs"
         )
-    return Transmission(matrix)
+    motors = given.get("motors", [])
+    if not isinstance(motors, list) or len(motors) not in (0, len(joints)):
+        raise RobotError(
+            f"{where}.motors: expected a list of {len(joints)} tables, {{}} for a motor that is not coupled"
+        )
+    return Transmission(matrix, tuple(_drive(motor, f"{where}.motors[{k}]") for k, motor in enumerate(motors)))
 
 
 def _check_symbols(joints: tuple[Joint, ...], source: str) -> None:

@@ -32,6 +32,11 @@ def write_toml(robot: Robot) -> str:
             *(f"    {_value(row)}," for row in robot.transmission.matrix),
             "]",
         ]
+        if robot.transmission.motors:
+            motors = (
+                f"    {_inline(_given(motor)) if _given(motor) else '{}'}," for motor in robot.transmission.motors
+            )
+            lines += ["motors = [", *motors, "]"]
     return "\n".join(lines) + "\n"
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import oracle
 import pinocchio
 import pytest
-from exact_logs import exact_log, fitted, fitted_with_dropped_column, friction, unknown
+from exact_logs import exact_log, fitted, fitted_with_dropped_column, friction, motion, unknown
 
 from identify import workflow
 from identify.errors import InputError, OutputError
@@ -27,7 +27,8 @@ from identify.experiment.trajectory import Trajectory, random_trajectory
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
-from identify.robot.robot import Robot
+from identify.robot.robot import Robot, Transmission
+from identify.robot.toml import read_toml
 from identify.robot.urdf import read_urdf
 from identify.robot.urdf_writing import to_urdf
 
@@ -42,8 +43,21 @@ def rx90() -> Identification:
     return workflow.fit(train, robot, test=[test])
 
 
+@lru_cache(maxsize=1)
+def coupled() -> Identification:
+    """A fit of an arm whose third motor turns with joints 2 and 3: Iam 0.2, Fvm 0.15 and Fsm 0.8."""
+    plain = fitted().robot
+    robot = replace(plain, transmission=Transmission(((10.0, 0, 0), (0, 12.0, 0), (0, 15.0, 15.0))))
+    log, trajectory = exact_log(plain, noise=0.02), motion(plain)
+    _, dq, ddq = trajectory.sample(log.time)
+    added = np.zeros_like(dq)
+    added[:, 1:] = 0.2 * ddq[:, :0:-1] + 0.15 * dq[:, :0:-1] + 0.8 * np.sign(dq[:, 1:].sum(axis=1, keepdims=True))
+    assert log.effort is not None
+    return workflow.fit(replace(log, effort=log.effort + added), robot)
+
+
 def results() -> list[Identification]:
-    return [fitted(), fitted_with_dropped_column(), rx90()]
+    return [fitted(), fitted_with_dropped_column(), rx90(), coupled()]
 
 
 def parameters(result: Identification) -> np.ndarray:
@@ -59,11 +73,16 @@ def text_of(result: Identification, form: str) -> str:
     return exported(result, form)[0]
 
 
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("form", ["toml", "mjcf", "urdf"])
 def test_parameters_come_back_from_every_format(number: int, form: str, tmp_path: Path) -> None:
     """URDF and MJCF give frames of their own, so that the same robot in those frames is what must come back."""
     result = results()[number]
+    if number == 3:
+        told = " ".join(exported(result, form)[1])
+        assert ("coupled motors" in told) == (form != "toml")
+        if form != "toml":
+            return
     path = tmp_path / f"robot{FORMATS[form][0]}"
     path.write_text(text_of(result, form), encoding="utf-8")
     again = load_robot(path)
@@ -153,6 +172,16 @@ def resimulated(mjcf: str, robot: Robot, trajectory: Trajectory) -> Log:
     return Log(time[::2], positions[::2], None, efforts[::2], robot.joint_names)
 
 
+def test_coupled_motors_come_back_in_toml() -> None:
+    robot = identified_robot(coupled())
+    assert robot.transmission is not None
+    motor = robot.transmission.motors[2]
+    assert (motor.inertia, motor.viscous, motor.coulomb) == pytest.approx((0.2, 0.15, 0.8), rel=0.05)
+    again = read_toml(text_of(coupled(), "toml"))
+    assert again.transmission == robot.transmission
+    assert dict(zip(Regressor(again).names, Regressor(again).parameters, strict=True))["Fvm3"] == motor.viscous
+
+
 @pytest.mark.parametrize("seed", [1, 5])
 def test_a_short_noisy_log_gets_possible_links_that_predict_better(seed: int) -> None:
     """Least squares on 4 s of noise makes an impossible robot; the nearest possible one is nearer to unseen motion."""
@@ -221,7 +250,7 @@ def test_a_smooth_passage_through_rest_and_coupled_motors_are_told() -> None:
     result = deepcopy(fitted())
     result.record["settings"]["coulomb_velocity"] = 0.05
     result.record["physical"]["transmission"] = [{"name": "Iam6", "value": 0.0123}]
-    told = " ".join(exported(result, "toml")[1])
+    told = " ".join(exported(result, "urdf")[1])
     assert "Iam6 = 0.0123" in told
     assert "up to 0.05 rad/s" in told
 

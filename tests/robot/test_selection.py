@@ -11,7 +11,7 @@ from chains import random_chain
 
 from identify.errors import RobotError
 from identify.robot.library import load_robot
-from identify.robot.robot import Joint, Robot, Transmission
+from identify.robot.robot import Drive, Joint, Robot, Transmission
 from identify.robot.selection import Selection, parse_selection, sub_chain
 from identify.robot.toml import read_toml, write_toml
 from identify.robot.transforms import from_roll_pitch_yaw, link_frames, to_matrix
@@ -152,6 +152,11 @@ def test_a_coupled_motor_keeps_its_joints_together() -> None:
     part = load_robot("tx40", joints="joint_5=0.2")
     kept = [0, 1, 2, 3, 5]
     assert part.transmission == Transmission(tuple(map(tuple, robot.transmission.array[np.ix_(kept, kept)].tolist())))
+    motors = tuple(Drive(inertia=float(k)) for k in range(1, 7))
+    armed = replace(robot, transmission=replace(robot.transmission, motors=motors))
+    kept_motors = sub_chain(armed, held={"joint_5": 0.2}).transmission
+    assert kept_motors is not None
+    assert kept_motors.motors == tuple(motors[k] for k in kept)
     with pytest.raises(RobotError, match="the motor of 'joint_6' turns with 'joint_5'; keep both, or neither"):
         load_robot("tx40", joints="joint_6=0")
 

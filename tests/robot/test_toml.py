@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from identify.errors import RobotError
 from identify.robot.library import load_robot
-from identify.robot.robot import Limits, Link, Robot, Transmission
+from identify.robot.robot import Drive, Limits, Link, Robot, Transmission
 from identify.robot.toml import read_toml, write_toml
 from identify.robot.transforms import from_roll_pitch_yaw, joint_transform, link_frames, to_matrix
 
@@ -48,6 +48,8 @@ def random_robot(seed: int, name: str, note: str) -> Robot:
         symbols = (("d", f"D{k}"), ("r", f"RL{k}")) if rng.random() < 0.5 else ()
         joints.append(replace(joint, limits=limits, link=link, symbols=symbols))
     ratios = np.diag(rng.uniform(20, 90, robot.n)) + np.tril(rng.uniform(-9, 9, (robot.n, robot.n)), -1)
+    motors = tuple(Drive(*rng.uniform(0, 2, 4)) if k % 2 else Drive() for k in range(robot.n))
+    geared = Transmission(tuple(map(tuple, ratios.tolist())), motors if rng.random() < 0.5 else ())
     return replace(
         robot,
         name=name,
@@ -55,7 +57,7 @@ def random_robot(seed: int, name: str, note: str) -> Robot:
         joints=tuple(joints),
         base=to_matrix(from_roll_pitch_yaw(rng.normal(size=3), rng.uniform(-3, 3, 3))),
         tool=to_matrix(from_roll_pitch_yaw((0.0, 0.1, 0.2), (0.0, math.pi, math.pi / 2))),
-        transmission=Transmission(tuple(map(tuple, ratios.tolist()))) if rng.random() < 0.5 else None,
+        transmission=geared if rng.random() < 0.5 else None,
         source="here",
     )
 
@@ -280,6 +282,14 @@ REFUSALS = {
     "transmission crossed": (
         ARM + "[transmission]\nmatrix = [[0,6],[1,2]]",
         "transmission.matrix[0]: motor 1 must move joint 'shoulder': found 0 on the diagonal",
+    ),
+    "transmission motors short": (
+        ARM + "[transmission]\nmatrix = [[3,0],[1,2]]\nmotors = [{}]",
+        "transmission.motors: expected a list of 2 tables",
+    ),
+    "transmission motor driven": (
+        ARM + "[transmission]\nmatrix = [[3,0],[1,2]]\nmotors = [{}, { viscous = -1.0 }]",
+        "transmission.motors[1].viscous: expected 0 or more, found -1",
     ),
     "transmission empty": (ARM + "[transmission]", "arm.toml: transmission: no matrix"),
     "inertia not positive": (

@@ -21,6 +21,9 @@ ROUNDING = 1e-9
 LARGEST = 1e10
 """Largest number of a description, in SI, apart from limits: beyond it squares and products lose all meaning."""
 
+LONGEST = 200
+"""Characters of a name."""
+
 
 def found(value: Any) -> str:
     """How a value read from a file is shown in a message: short, on one line."""
@@ -49,12 +52,14 @@ def table(value: Any, keys: Iterable[str], where: str) -> dict[str, Any]:
     return value
 
 
-def text(value: Any, where: str) -> str:
-    """A string that is not empty."""
+def text(value: Any, where: str, longest: int = LONGEST) -> str:
+    """A string that is not empty, of at most `longest` characters."""
     if not isinstance(value, str):
         raise RobotError(f"{where}: expected text in quotes, found {found(value)}")
     if not value.strip():
         raise RobotError(f"{where}: expected text, found an empty string")
+    if len(value) > longest:
+        raise RobotError(f"{where}: longer than {longest:,} characters: {found(value)}")
     return value
 
 

@@ -99,11 +99,14 @@ def to_mjcf(
 def depth_first(robot: Robot) -> tuple[int, ...]:
     """(n,) robot index of each joint of the MuJoCo model, in the model's order: q_model = q[..., order]."""
 
-    def below(parent: int) -> list[int]:
-        children = [index for index, joint in enumerate(robot.joints) if joint.parent == parent]
-        return [entry for child in children for entry in (child, *below(child))]
-
-    return tuple(below(-1))
+    children: dict[int, list[int]] = {}
+    for index, joint in enumerate(robot.joints):
+        children.setdefault(joint.parent, []).append(index)
+    order, pending = [], children.get(-1, [])[::-1]
+    while pending:
+        order.append(pending.pop())
+        pending += children.get(order[-1], [])[::-1]
+    return tuple(order)
 
 
 def _text(*numbers: float) -> str:

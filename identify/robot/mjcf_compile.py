@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,13 +22,26 @@ class Compiled:
     from_meshes: tuple[str, ...]
 
 
+@contextmanager
+def quiet() -> Iterator[None]:
+    """MuJoCo without its warnings, which it would leave in a log in the working folder."""
+    import mujoco
+
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        mujoco.set_mju_user_warning(None)
+
+
 def compile_mjcf(text: str, source: str) -> Compiled:
     """The compiled model; RobotError with what MuJoCo says against it."""
     import mujoco
 
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with quiet():
             spec = mujoco.MjSpec.from_string(text)
             unknown, from_meshes = _without_meshes(spec)
             model = spec.compile()

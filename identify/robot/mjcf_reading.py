@@ -140,7 +140,7 @@ def _couplings(model: Any, names: Sequence[str]) -> list[Coupling]:
                 one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
             if model.body_mocapid[one] >= 0 or model.body_mocapid[two] >= 0:
                 continue
-            above = [_joints_above(model, last[body]) for body in (one, two)]
+            above = [_joints_above(model, last, last[body]) for body in (one, two)]
             members = tuple(sorted(set(above[0]) ^ set(above[1])))
             if members and not any(model.jnt_type[k] == mujoco.mjtJoint.mjJNT_FREE for k in members):
                 ends = " and ".join(repr(model.body(body).name) for body in (one, two))
@@ -148,8 +148,9 @@ def _couplings(model: Any, names: Sequence[str]) -> list[Coupling]:
     return couplings
 
 
-def _joints_above(model: Any, joint: int) -> list[int]:
-    found, last = [], _last_joints(model)
+def _joints_above(model: Any, last: Sequence[int], joint: int) -> list[int]:
+    """The joint and those that carry it, nearest first; `last` as `_last_joints` gives it."""
+    found = []
     while joint >= 0:
         found.append(joint)
         body = model.jnt_bodyid[joint]
@@ -218,10 +219,10 @@ def _notes(compiled: Compiled, kept: Sequence[int], names: Sequence[str]) -> lis
 
     model = compiled.model
     notes = []
-    last = _last_joints(model)
+    roots = {int(model.body_rootid[model.jnt_bodyid[k]]) for k in kept}
     for k in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
-        body = model.jnt_bodyid[k]
-        below = any(k in _joints_above(model, last[model.jnt_bodyid[other]]) for other in kept)
+        body = int(model.jnt_bodyid[k])
+        below = body in roots
         name = model.body(body).name
         notes.append(
             f"Body {name!r} floats in the file; it is taken for a fixed base, where the file draws it."

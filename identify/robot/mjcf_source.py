@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
 from identify.errors import RobotError
-from identify.robot.checks import LARGEST
+from identify.robot.checks import LARGEST, LONGEST
 from identify.robot.toml import read_text
 from identify.robot.xml_text import MOST, parse_xml
 
@@ -28,6 +28,8 @@ WORDS |= {"joint", "joint1", "joint2", "body", "body1", "body2", "site", "site1"
 """Attributes that hold names, in which "nan" and "inf" are no numbers."""
 
 DEEPEST_INCLUDE = 10
+MOST_PARTS = 10_000
+"""Bodies, joints and geoms: MuJoCo's compiler takes time and memory with the square of their number."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ def mjcf_source(text: str, source: str, folder: Path | None) -> MjcfSource:
         if section.tag in SECTIONS:
             reduced.append(_section(section, source))
     _check(reduced, source)
-    return MjcfSource(root.get("model") or "robot", ElementTree.tostring(reduced, encoding="unicode"), tied)
+    return MjcfSource((root.get("model") or "robot")[:LONGEST], ElementTree.tostring(reduced, encoding="unicode"), tied)
 
 
 def _included(children: list[Element], source: str, folder: Path | None, depth: int) -> list[Element]:
@@ -140,13 +142,16 @@ def _bare(children: list[Element], source: str) -> Iterator[Element]:
 def _check(root: Element, source: str) -> None:
     """Refuse numbers that no robot has, and copies without number."""
     pending: list[tuple[Element, int]] = [(root, 1)]
-    count = 0
+    count = parts = 0
     while pending:
         element, copies = pending.pop()
         count += copies
-        if count > MOST:
-            raise RobotError(f"{source}: replicates more than {MOST:,} elements; no robot needs that")
+        parts += copies * (element.tag in ("body", "joint", "geom", "site"))
+        if count > MOST or parts > MOST_PARTS:
+            raise RobotError(f"{source}: more than {MOST_PARTS:,} bodies, joints and shapes; no robot needs that")
         for key, value in element.attrib.items():
+            if len(value) > LONGEST and key in WORDS - {"user"}:
+                raise RobotError(f"{source}: <{element.tag}> {key}: longer than {LONGEST} characters: {value[:40]!r}")
             if key not in WORDS:
                 _check_numbers(value, f"{source}: <{element.tag}> {key}")
         if element.tag == "replicate":

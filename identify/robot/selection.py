@@ -125,7 +125,7 @@ def held_joints(
                     f" {candidates[k].name!r}: coupled joints can't be used; {HINT}"
                 )
     if not kept and reasons:
-        why = ", ".join(dict.fromkeys(reasons.values()))
+        why = ", ".join(list(dict.fromkeys(reasons.values()))[:4])
         raise RobotError(f"{source}: no joint is left that moves on its own: {why}")
     if not kept:
         raise RobotError(

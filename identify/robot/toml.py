@@ -18,6 +18,10 @@ from identify.robot.transforms import from_roll_pitch_yaw, to_matrix
 
 __all__ = ["read_text", "read_toml", "write_toml"]
 
+LARGEST_FILE = 50_000_000
+"""Bytes of a robot file."""
+LONGEST_NOTE = 100_000
+
 FIXED = "fixed"
 TYPES = (REVOLUTE, PRISMATIC, FIXED)
 GEOMETRY = ("gamma", "b", "alpha", "d", "theta", "r")
@@ -62,14 +66,20 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
         tool=to_matrix(tail @ _placement(data.get("tool", {}), f"{source}: tool")),
         transmission=_transmission(data["transmission"], joints, source) if "transmission" in data else None,
         source=source,
-        note=checks.text(data["note"], f"{source}: note") if "note" in data else "",
+        note=checks.text(data["note"], f"{source}: note", LONGEST_NOTE) if "note" in data else "",
     )
 
 
 def read_text(path: Path) -> str:
-    """The text of a robot file; RobotError for a file that is missing, unreadable or no UTF-8 text."""
+    """The text of a robot file; RobotError for a file that is missing, unreadable, too large or no UTF-8 text."""
     try:
-        return path.read_text(encoding="utf-8-sig")
+        if path.exists() and not path.is_file():
+            raise RobotError(f"{path}: is no file that can be read twice; give the name of a robot file")
+        with path.open("rb") as stream:
+            data = stream.read(LARGEST_FILE + 1)
+        if len(data) > LARGEST_FILE:
+            raise RobotError(f"{path}: larger than {LARGEST_FILE // 1_000_000} MB; is it a robot description?")
+        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except FileNotFoundError:
         raise RobotError(f"{path}: no such file") from None
     except UnicodeDecodeError as error:
@@ -84,6 +94,7 @@ def _entries(data: dict[str, Any], source: str) -> list[Entry]:
     if not isinstance(listed, list):
         raise RobotError(f"{source}: joint: expected an array of tables; write [[joint]], with two brackets")
     entries: list[Entry] = []
+    index: dict[str, int] = {}
     for i, item in enumerate(listed):
         where = f"{source}: joint {i + 1}"
         if not isinstance(item, dict):
@@ -92,7 +103,7 @@ def _entries(data: dict[str, Any], source: str) -> list[Entry]:
             raise RobotError(f'{where}: the joint has no name; add  name = "..."')
         name = checks.text(item["name"], f"{where}: name")
         where = f"{source}: joint {name!r}"
-        if any(entry.joint.name == name for entry in entries):
+        if name in index:
             raise RobotError(f"{where}: a second joint of this name; every joint needs a name of its own")
         kind = checks.text(item.get("type", REVOLUTE), f"{where}: type")
         if kind not in TYPES:
@@ -100,24 +111,24 @@ def _entries(data: dict[str, Any], source: str) -> list[Entry]:
         if kind == FIXED and (extra := [key for key in item if key in JOINT_KEYS and key not in FIXED_KEYS]):
             raise RobotError(f"{where}: {extra[0]}: a fixed joint has none; remove it or change the type")
         checks.table(item, JOINT_KEYS, where)
-        parent = _parent(item["parent"], name, listed, entries, where) if "parent" in item else i - 1
+        parent = _parent(item["parent"], name, listed, index, where) if "parent" in item else i - 1
+        index[name] = i
         entries.append(Entry(_joint(item, name, kind, where), parent))
     return entries
 
 
-def _parent(value: Any, name: str, listed: list[Any], entries: list[Entry], where: str) -> int:
-    """Index of the parent entry, -1 for the base."""
-    names = [entry.joint.name for entry in entries]
-    if value == "" or (value == BASE and BASE not in names):
+def _parent(value: Any, name: str, listed: list[Any], index: dict[str, int], where: str) -> int:
+    """Index of the parent entry, -1 for the base; `index` holds the entries so far by name."""
+    if value == "" or (value == BASE and BASE not in index):
         return -1
     parent = checks.text(value, f"{where}: parent")
-    if parent in names:
-        return names.index(parent)
+    if parent in index:
+        return index[parent]
     if parent == name:
         raise RobotError(f"{where}: parent: a joint can't be its own parent")
     if any(isinstance(item, dict) and item.get("name") == parent for item in listed):
         raise RobotError(f"{where}: parent: {parent!r} comes later in the file; put a parent before its children")
-    raise RobotError(f"{where}: parent: no joint {parent!r}; {checks.suggestion(parent, [*names, BASE])}")
+    raise RobotError(f"{where}: parent: no joint {parent!r}; {checks.suggestion(parent, [*index, BASE])}")
 
 
 def _joint(item: dict[str, Any], name: str, kind: str, where: str) -> Joint:

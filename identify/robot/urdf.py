@@ -107,7 +107,9 @@ def read_urdf(
             tip = reached
         pending += [(below, carrier, reached) for below in reversed(children[edge.child])]
     notes += [note for edge in edges if (note := _nearly_right(edge))]
-    return robot_from_bodies(root.get("name") or "robot", bodies, gravity, tip, source, " ".join(notes))
+    return robot_from_bodies(
+        (root.get("name") or "robot")[: checks.LONGEST], bodies, gravity, tip, source, " ".join(notes)
+    )
 
 
 def _parse(text: str, source: str) -> Element:

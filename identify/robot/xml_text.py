@@ -56,7 +56,7 @@ def attribute(element: Element, key: str, where: str) -> str:
     value = element.get(key)
     if not value:
         raise RobotError(f"{where}: no attribute {key}")
-    return value
+    return checks.text(value, f"{where}: {key}")
 
 
 def number(element: Element, key: str, default: float, where: str, infinite: bool = False) -> float:

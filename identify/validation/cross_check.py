@@ -17,14 +17,23 @@ AGREE = 1e-9
 
 BLOCK = 100
 
+FAR = 100.0
+"""Position limits from here on [rad or m] count as none."""
+RANK_SAMPLES = 40
+"""Random states a joint, for up to six joints, whose regressors the rank is of: several times as many rows as columns,
+and each joint's own row as often as there can be functions in it."""
+
 
 def random_states(robot: Robot, samples: int, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """q, dq, ddq (samples, n): positions inside the limits (else ±π, ±1 m), speeds up to ±2, accelerations ±5, SI."""
+    """q, dq, ddq (samples, n): positions inside the limits (else ±π, ±1 m), speeds up to ±2, accelerations ±5, SI.
+
+    Limits beyond FAR are none: digits of an angle that large are lost in its cosine.
+    """
     rng = np.random.default_rng(seed)
-    reach = [np.pi if joint.revolute else 1.0 for joint in robot.joints]
+    reach = np.array([np.pi if joint.revolute else 1.0 for joint in robot.joints])
     low, high = np.array([j.limits.position for j in robot.joints]).T
-    low, high = np.where(np.isfinite(low), low, -np.array(reach)), np.where(np.isfinite(high), high, reach)
-    q = rng.uniform(low, np.maximum(high, low), (samples, robot.n))
+    low, high = np.where(np.abs(low) < FAR, low, -reach), np.where(np.abs(high) < FAR, high, reach)
+    q = rng.uniform(np.minimum(low, high), np.maximum(low, high), (samples, robot.n))
     return q, rng.uniform(-2, 2, q.shape), rng.uniform(-5, 5, q.shape)
 
 
@@ -120,11 +129,11 @@ def check_robot(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str
 
 def _rank(robot: Robot, seed: int) -> int:
     """Rank of Pinocchio's regressor over random samples, columns scaled."""
-    stacked = pinocchio_regressor(robot, *random_states(robot, 40 * max(robot.n, 2), seed + 1))
+    stacked = pinocchio_regressor(robot, *random_states(robot, RANK_SAMPLES * min(max(robot.n, 2), 6), seed + 1))
     columns = stacked.reshape(-1, stacked.shape[2])
     scale = np.linalg.norm(columns, axis=0)
     scale[scale < 1e-9 * max(scale.max(), 1e-300)] = np.inf
-    singular = np.linalg.svd(columns / scale, compute_uv=False)
+    singular = np.linalg.svd(np.linalg.qr(columns / scale, mode="r"), compute_uv=False)
     return int((singular > 1e-9 * singular[0]).sum())
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from identify.errors import RobotError
 from identify.robot.mjcf import depth_first, to_mjcf
+from identify.robot.mjcf_compile import quiet
 from identify.robot.robot import Robot
 from identify.robot.transforms import joint_transform
 
@@ -88,18 +89,19 @@ def mujoco_torque(robot: Robot, standard: np.ndarray, q: np.ndarray, dq: np.ndar
         text = to_mjcf(robot, _vector(robot, standard), friction=False, limits=False)
     except RobotError as error:
         raise ValueError(str(error)) from None
-    model = mujoco.MjModel.from_xml_string(text)
-    flags = mujoco.mjtDisableBit
-    # mj_inverse adds the forces of joint stops and friction, which are no part of the rigid model.
-    model.opt.disableflags |= flags.mjDSBL_LIMIT | flags.mjDSBL_CONTACT | flags.mjDSBL_FRICTIONLOSS
-    data = mujoco.MjData(model)
-    q, dq, ddq = _samples(robot, q, dq, ddq)
-    order = list(depth_first(robot))
-    torque = np.empty_like(q)
-    for k in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[k, order], dq[k, order], ddq[k, order]
-        mujoco.mj_inverse(model, data)
-        torque[k, order] = data.qfrc_inverse
+    with quiet():
+        model = mujoco.MjModel.from_xml_string(text)
+        flags = mujoco.mjtDisableBit
+        # mj_inverse adds the forces of joint stops and friction, which are no part of the rigid model.
+        model.opt.disableflags |= flags.mjDSBL_LIMIT | flags.mjDSBL_CONTACT | flags.mjDSBL_FRICTIONLOSS
+        data = mujoco.MjData(model)
+        q, dq, ddq = _samples(robot, q, dq, ddq)
+        order = list(depth_first(robot))
+        torque = np.empty_like(q)
+        for k in range(len(q)):
+            data.qpos[:], data.qvel[:], data.qacc[:] = q[k, order], dq[k, order], ddq[k, order]
+            mujoco.mj_inverse(model, data)
+            torque[k, order] = data.qfrc_inverse
     return torque
 
 

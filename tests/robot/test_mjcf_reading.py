@@ -288,7 +288,7 @@ REFUSALS = {
     ),
     "replicas": (
         body(f'<replicate count="100000">{HINGE}</replicate>').replace(HINGE, f"<body>{HINGE}</body>"),
-        "replicates more than 200,000 elements",
+        "more than 10,000 bodies, joints and shapes",
     ),
     "attach": (body('<attach model="m" body="b" prefix="p"/>'), "attaches another model"),
     "include in a text": (body('<include file="x.xml"/>'), "a text can't include files"),

@@ -334,16 +334,10 @@ def _choose(source: Path, found: _Gathered, findings: list[str]) -> Series:
         counts[series.topic] = counts.get(series.topic, 0) + series.samples
 
     def order(series: Series) -> tuple[Any, ...]:
-        names, topic = series.publishes, series.topic
-        return (
-            series.joints is not None,
-            -series.rank,
-            topic == TOPIC,
-            counts[topic],
-            topic,
-            len(names),
-            series.samples,
-        )
+        # Where the joints are known, what else a publisher names is no merit.
+        names = 0 if found.wanted else len(series.publishes)
+        topic = (series.topic == TOPIC, counts[series.topic], series.topic)
+        return series.joints is not None, -series.rank, *topic, names, series.samples
 
     chosen = max(every, key=order)
     if chosen.joints is None:

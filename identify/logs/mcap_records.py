@@ -52,7 +52,9 @@ _UNREADABLE = (struct.error, ValueError, OverflowError, McapError, MemoryError)
 _COMPRESSED = re.compile(rb"\x04\0\0\0zstd|\x03\0\0\0lz4")
 """How a chunk names its compression, by which one is found again behind damage."""
 _NAME_AT = RECORD_HEAD.size + _CHUNK_HEAD.size - 4
-_DATA_END_BYTES = 4
+_ENDS = ((_DATA_END, 4), (_FOOTER, 20))
+"""Records after which no message comes, and their lengths."""
+_CHUNK_PEEK = 64
 _FEW_DEFINITIONS = 64
 _STRIDE_GROWTH = 32
 
@@ -188,6 +190,7 @@ def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
     decompress = _decompressors()
     loose = bytearray()
     seen: set[bytes] = set()
+    barren = False
     at = stream.tell()
     head = stream.read(RECORD_HEAD.size)
     while True:
@@ -199,40 +202,53 @@ def _data_section(stream: BinaryIO, size: int) -> Iterator[Item]:
         if loose and (not is_message or len(loose) > _LOOSE_BYTES):
             yield from _split(bytes(loose), at, seen, None, None)
             loose.clear()
-        if complete and (opcode == _FOOTER or (opcode == _DATA_END and length == _DATA_END_BYTES)):
+        if complete and (opcode, length) in _ENDS:
             return
         lost: Damage | None = None
+        adrift = False
         here, head = head, b""
-        if not complete or (opcode == _DATA_END):
-            lost = _end_of_file(stream, at, size, opcode, here)
+        if not complete:
+            lost, adrift = _end_of_file(stream, at, size, opcode, here), True
         elif is_message:
-            loose += RECORD_HEAD.pack(opcode, length) + stream.read(length)
+            loose += here + stream.read(length)
         elif opcode == _CHUNK and usable:
             body = stream.read(length)
             hints, after, head = _indices(stream, after, size)
-            for item in _chunk(body, at, decompress, seen, hints):
-                if isinstance(item, Damage) and item.lost_bytes == len(body):
-                    lost = item
-                else:
-                    yield item
+            if _agrees(length, body):
+                yield from _chunk(body, at, decompress, seen, hints)
+            else:
+                lost, adrift = Damage(at, length, "a chunk's lengths do not agree"), True
         elif opcode in _KEPT and usable:
             yield _record(opcode, stream.read(length), at)
-        else:
-            if opcode in (_CHUNK, _MESSAGE):
-                lost = Damage(at, length, "a record claims more than 256 MiB")
-            stream.seek(after)
-        if lost is not None:
-            # What claims to go far may have swallowed what is sound.
-            found = _next_chunk(stream, at + 1, min(at + RECORD_HEAD.size + lost.lost_bytes, size))
-            if found is None and lost.lost_bytes == size - at:
+        elif _agrees(length, stream.read(_CHUNK_PEEK)):
+            lost = Damage(at, length, "a chunk is not marked as one, or claims more than 256 MiB")
+        elif opcode in (_CHUNK, _MESSAGE, _DATA_END, _FOOTER):
+            lost, adrift = Damage(at, length, "a record has a length that it can't have"), True
+        if adrift and lost is not None:
+            # What claims to go far may have swallowed what is sound, and what claims too little leads nowhere.
+            found = None if barren else _next_chunk(stream, at + 1, size)
+            barren = found is None
+            if found is not None:
+                lost, after, head = Damage(at, found - at, lost.reason, lost.span), found, b""
+            elif not complete:
                 yield lost
                 return
-            yield lost if found is None else Damage(at, found - at, lost.reason, lost.span)
-            if found is not None:
-                after, head = found, b""
-            stream.seek(after + len(head))
+        if lost is not None:
+            yield lost
+        stream.seek(after + len(head))
         at = after
         head = head or stream.read(RECORD_HEAD.size)
+
+
+def _agrees(length: int, body: bytes) -> bool:
+    """Whether a record of this length, whose first bytes are given, holds a chunk by the lengths in it."""
+    if len(body) < _CHUNK_HEAD.size + 8:
+        return False
+    (name,) = struct.unpack_from("<I", body, _CHUNK_HEAD.size - 4)
+    if len(body) < _CHUNK_HEAD.size + name + 8:
+        return False
+    (packed,) = struct.unpack_from("<Q", body, _CHUNK_HEAD.size + name)
+    return length == _CHUNK_HEAD.size + name + 8 + packed
 
 
 def _next_chunk(stream: BinaryIO, start: int, stop: int) -> int | None:
@@ -241,16 +257,12 @@ def _next_chunk(stream: BinaryIO, start: int, stop: int) -> int | None:
     for window in range(start, stop, step):
         stream.seek(window)
         # Windows overlap, so that no head is cut in two.
-        data = stream.read(step + 2 * _CHUNK_HEAD.size + RECORD_HEAD.size)
+        data = stream.read(step + _CHUNK_PEEK + RECORD_HEAD.size)
         places = sorted(found.start() - _NAME_AT for found in _COMPRESSED.finditer(data) if found.start() >= _NAME_AT)
         for place in places:
             opcode, length = RECORD_HEAD.unpack_from(data, place)
-            body = data[place + RECORD_HEAD.size : place + RECORD_HEAD.size + 2 * _CHUNK_HEAD.size]
-            (name,) = struct.unpack_from("<I", body, _CHUNK_HEAD.size - 4)
-            if opcode != _CHUNK or len(body) < _CHUNK_HEAD.size + name + 8:
-                continue
-            (packed,) = struct.unpack_from("<Q", body, _CHUNK_HEAD.size + name)
-            if length == _CHUNK_HEAD.size + name + 8 + packed and window + place < stop:
+            start_of_body = place + RECORD_HEAD.size
+            if opcode == _CHUNK and _agrees(length, data[start_of_body : start_of_body + _CHUNK_PEEK]):
                 return window + place
     return None
 
@@ -264,8 +276,10 @@ def _indices(stream: BinaryIO, at: int, size: int) -> tuple[np.ndarray | None, i
         if opcode != _MESSAGE_INDEX or length > min(size - at - RECORD_HEAD.size, LARGEST_RECORD):
             break
         body = stream.read(length)
+        if length < 6 or body[2:6] != (length - 6).to_bytes(4, "little") or (length - 6) % 16:
+            break
         at += RECORD_HEAD.size + length
-        if length > 6 and (length - 6) % 16 == 0:
+        if length > 6:
             found.append(np.frombuffer(body, "<u8", offset=6)[1::2])
     if not found:
         return None, at, head

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 RANK_TOLERANCE = 1e-9
 
+ENTRY_TOO_LONG = 200
+"""Operations in an entry beyond which it is not expanded, as it would not get shorter."""
+
 TOO_LONG = 1000
 """Operations in the entries of a Jacobian beyond which its determinant is not factored: it would take minutes."""
 
@@ -111,9 +114,11 @@ def symbolic_matrix(robot: Robot, frame: int, point: int | None = None, space: A
 
 
 def shorter(space: Algebra, expression: sympy.Expr) -> sympy.Expr:
-    """The expression as it is, or expanded with c² + s² = 1, whichever takes fewer operations."""
+    """The expression as it is, or expanded with c² + s² = 1, whichever takes fewer operations; the former if long."""
     import sympy
 
+    if expression.count_ops() > ENTRY_TOO_LONG:
+        return expression
     expanded = space.expression(space.polynomial(expression))
     return min(expression, expanded, sympy.factor_terms(expanded), key=lambda e: e.count_ops())
 

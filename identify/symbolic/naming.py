@@ -191,11 +191,11 @@ def short_statements(outputs: Mapping[str, Expression], quantities: Mapping[str,
 
 def graph_of(graph: Graph, expression: sympy.Expr) -> Expression:
     """A polynomial in symbols, cosines and sines as an expression of the graph. ValueError for anything else."""
-    parts = [graph_of(graph, x) for x in expression.args]
+    parts = [graph_of(graph, x) for x in expression.args if not expression.is_Pow or x is expression.base]
     total: Scalar
     if expression.is_Symbol:
         return graph.symbol(expression.name)
-    if expression.is_number:
+    if expression.is_Number:
         return graph.constant(float(expression))
     if expression.is_Add:
         total = 0
@@ -215,4 +215,6 @@ def graph_of(graph: Graph, expression: sympy.Expr) -> Expression:
         for _ in range(int(expression.exp) - 1):
             total = total * parts[0]
         return graph.constant(1) * total
+    if expression.is_number:
+        return graph.constant(float(expression))
     raise ValueError(f"{expression} is no polynomial")

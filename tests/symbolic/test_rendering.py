@@ -11,11 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import sympy
+from chains import random_chain
+from printed_models import printed
 
 from identify.errors import InputError
 from identify.robot.library import load_robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.geometry import direct_geometry
+from identify.symbolic.jacobian import jacobian
 from identify.symbolic.model import SymbolicModel
 from identify.symbolic.models import MODELS, symbolic_model
 from identify.symbolic.rendering import FORMATS, arguments, render
@@ -133,3 +136,48 @@ def test_unknown_names_are_told_what_there_is() -> None:
         symbolic_model(load_robot("rx90"), "nothing")
     with pytest.raises(ValueError, match=", ".join(FORMATS)):
         render(symbolic_model(load_robot("rx90"), "base-parameters"), "pdf")
+
+
+def test_axes_at_any_angle_get_intermediate_variables() -> None:
+    """Written out, the pose and the Jacobian of such an arm would fill pages; in statements they do not."""
+    robot = random_chain(np.random.default_rng(5), 6)
+    q = np.random.default_rng(6).uniform(-1.5, 1.5, 6)
+    pose, velocity = (symbolic_model(robot, what) for what in ("direct-geometry", "jacobian"))
+    assert "t1" in pose.expressions
+    assert any("not factored" in note for note in velocity.notes)
+    found = np.array([float(x) for x in printed(pose)(q=q).values()])
+    np.testing.assert_allclose(found, direct_geometry(robot, q)[0][:3].T.ravel(), rtol=0, atol=1e-12)
+    found = np.array([float(x) for x in printed(velocity)(q=q).values()])
+    np.testing.assert_allclose(found, jacobian(robot, q, 3)[0].ravel(), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("what", ["lagrange", "newton-euler", "direct-dynamics", "energy"])
+def test_results_have_names_that_all_forms_use(models: dict[str, SymbolicModel], what: str) -> None:
+    """A result is an array of its name in C and a key or the value in Python, and the text says how large it is."""
+    model = models[what]
+    code, text = render(model, "c"), render(model, "text")
+    for result in model.results:
+        assert set(result.entries) <= set(model.expressions)
+        assert f"double {result.name}{'_out' if result.number else ''}[{len(result.entries)}]" in code
+    assert "gives " in text
+    constants = {name for name, _ in model.constants}
+    read = {s.name for e in model.expressions.values() for s in e.free_symbols}
+    assert read <= constants | set(model.inputs) | set(model.expressions)
+
+
+@pytest.mark.parametrize("what", ["lagrange", "newton-euler", "direct-dynamics", "energy"])
+def test_statements_come_before_their_readers(models: dict[str, SymbolicModel], what: str) -> None:
+    model = models[what]
+    known = {name for name, _ in model.constants} | set(model.inputs)
+    for name, expression in model.expressions.items():
+        assert {s.name for s in expression.free_symbols} <= known, name
+        assert name not in known
+        known.add(name)
+
+
+def test_latex_writes_rates_with_dots(models: dict[str, SymbolicModel]) -> None:
+    text = render(models["newton-euler"], "latex")
+    assert r"\ddot{q}_{1}" in text
+    assert r"\omega_{3,1} &= S_{23} \dot{q}_{1}" in text
+    assert r"\tau_{1} &=" in text
+    assert r"\mathbf{C}_{12}" in render(models["lagrange"], "latex")

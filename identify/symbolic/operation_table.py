@@ -52,8 +52,8 @@ def operations(robot: Robot) -> tuple[Row, ...]:
     """
     kept = base_parameters(robot).kept
     known = is_chapters_robot(robot)
-    rows = [] if any(joint.parent != j - 1 for j, joint in enumerate(robot.joints)) else _geometry(robot)
-    rows.append(Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None))
+    branches = any(joint.parent != j - 1 for j, joint in enumerate(robot.joints))
+    rows = [Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None)]
     if known:
         symmetric = _customised(robot, wrench=True, absent=symmetric_absent(robot))
         rows.append(Row("inverse dynamics, wrench, symmetric links", symmetric, CHAPTER["symmetric"]))
@@ -77,6 +77,7 @@ def operations(robot: Robot) -> tuple[Row, ...]:
         Row("torque regressor", _count(torque)),
         Row("Slotine-Li regressor", _count(bilinear_in_rates(torque, robot.n))),
         Row("energy regressor", _count(lifted(graph, (energy[c] for c in kept)))),
+        *([] if branches else _geometry(robot)),
     )
 
 

@@ -14,14 +14,17 @@ if TYPE_CHECKING:
 OWN = (("Fv", "viscous"), ("Fs", "coulomb"), ("off", "offset"))
 """Parameters of every joint and the fields of its drive that hold their values."""
 
-COUPLED = ("Iam", "Fvm", "Fsm")
-"""Parameters of every motor that several joints share; a robot's description has no values for them."""
+COUPLED = (("Iam", "inertia"), ("Fvm", "viscous"), ("Fsm", "coulomb"))
+"""The same of every motor that several joints share."""
 
 
 def joint_parameters(robot: Robot) -> dict[str, float]:
-    """Fv1 Fs1 off1 … with the values of the drives, and Iam, Fvm, Fsm of shared motors, which are zero."""
-    own = {f"{p}{j + 1}": float(getattr(d.drive, field)) for p, field in OWN for j, d in enumerate(robot.joints)}
-    return own | {f"{p}{k + 1}": 0.0 for k, _ in robot.couplings for p in COUPLED}
+    """Fv1 Fs1 off1 … with the values of the drives, then Iam, Fvm, Fsm of shared motors; 0 where nothing is known."""
+    own = {f"{p}{j + 1}": getattr(joint.drive, field) for p, field in OWN for j, joint in enumerate(robot.joints)}
+    motors = robot.transmission.motors if robot.transmission else ()
+    for k, _ in robot.couplings:
+        own |= {f"{p}{k + 1}": getattr(motors[k], field) if motors else 0.0 for p, field in COUPLED}
+    return {name: float(value) for name, value in own.items()}
 
 
 def friction(graph: Graph, robot: Robot) -> list[Scalar]:

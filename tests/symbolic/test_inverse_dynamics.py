@@ -17,7 +17,7 @@ from printed_models import printed
 from symbolic_models import tilted
 
 from identify.robot.library import load_robot
-from identify.robot.robot import Robot, Transmission
+from identify.robot.robot import Drive, Robot, Transmission
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.expression import Expression, Graph, evaluate
 from identify.symbolic.geometry import letters
@@ -106,18 +106,22 @@ def test_shared_motors_add_their_inertia_and_friction() -> None:
     """½·Iam·ṁ² and Fvm·ṁ² of a motor at ṁ = ratios·q̇, less what falls on single joints, and Fsm·sign(ṁ) whole."""
     arm = random_chain(np.random.default_rng(2), 3)
     matrix = ((20.0, 0.0, 0.0), (0.0, 30.0, 0.0), (0.0, 45.0, 30.0))
-    robot = replace(arm, transmission=Transmission(matrix))
+    motors = (Drive(), Drive(), Drive(inertia=0.7, viscous=1.3, coulomb=2.9))
+    robot = replace(arm, transmission=Transmission(matrix, motors))
     ratios = np.array([0.0, 1.5, 1.0])
     rng = np.random.default_rng(6)
     q, dq, ddq = rng.normal(size=(3, 3))
     model = symbolic_newton_euler(robot)
-    assert {"Iam3", "Fvm3", "Fsm3"} <= dict(model.parameters).keys()
     constants = {"Iam3": 0.7, "Fvm3": 1.3, "Fsm3": 2.9}
+    assert constants.items() <= dict(model.parameters).items()
+    unknown = symbolic_newton_euler(replace(arm, transmission=Transmission(matrix)))
+    assert dict.fromkeys(constants, 0.0).items() <= dict(unknown.parameters).items()
     cross = np.outer(ratios, ratios) - np.diag(ratios**2)
     expected = cross @ (0.7 * ddq + 1.3 * dq) + 2.9 * ratios * np.sign(ratios @ dq)
     for printed_model in (printed(model), printed(symbolic_lagrange(robot))):
         with_motor, without = (
-            printed_model(constants if there else None, q=q, dq=dq, ddq=ddq) for there in (True, False)
+            printed_model(None if there else dict.fromkeys(constants, 0.0), q=q, dq=dq, ddq=ddq)
+            for there in (True, False)
         )
         if isinstance(with_motor, dict):
             with_motor, without = with_motor["tau"], without["tau"]

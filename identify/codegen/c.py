@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identify import __version__
+from identify.codegen.c_angles import cosines_sines, gathered
 from identify.codegen.c_inverse import inverse_signature, inverse_source
 from identify.codegen.c_self_test import self_test
 from identify.codegen.functions import Function, Models
@@ -46,7 +47,7 @@ def _header(models: Models, prefix: str) -> str:
         *prose(
             "Nothing is allocated and nothing is kept between calls: the functions may run in several threads. Outputs "
             "must not overlap inputs. math.h is all that is needed. The same inputs give the same bits; for the same "
-            "bits from another compiler too, switch fused multiply-adds off (-ffp-contract=off).",
+            "bits from another compiler too, switch fused multiply-adds off (-ffp-contract=off). Not for -ffast-math.",
             "   ",
         ),
         "",
@@ -121,8 +122,10 @@ def _source(models: Models, samples: tuple[Sample, ...], poses: tuple[PoseSample
         lines += [f"static const double constant[{len(used)}] = {{"]
         lines += [f"    {models.constants[name]!r}, /* {name} */" for name in used]
         lines += ["};", ""]
-    for function in models.functions:
-        lines += _body(function, models.robot.n, prefix, constants)
+    bodies = [line for function in models.functions for line in _body(function, models.robot.n, prefix, constants)]
+    if any("cosines_sines(" in line for line in bodies):
+        lines += [*cosines_sines(), ""]
+    lines += bodies
     if models.inverse:
         lines += inverse_source(models.inverse, models.robot, prefix)
     return "\n".join([*lines, *self_test(models, samples, poses, prefix)]) + "\n"
@@ -183,6 +186,8 @@ def _body(function: Function, n: int, prefix: str, constants: dict[str, str]) ->
             value = f"speed_{name}"
         lines.append(f"    const double {name} = {SIGN.format(value)};")
     work, entries = statements(function, constants, str)
+    angles, work = gathered(work)
+    lines += angles
     lines += [f"    const double {name} = {value};" for name, value in work]
     if len(entries) < function.size:
         lines.append(f"    for (int i = 0; i < {function.size}; ++i) out[i] = 0.0;")

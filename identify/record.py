@@ -18,7 +18,7 @@ from identify.estimation.physical import PULL, Consistent
 from identify.estimation.reference import Reference
 from identify.estimation.scoring import explained
 from identify.logs.log import Log
-from identify.logs.triage import inspect
+from identify.logs.triage import Findings
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Limits, Robot
 from identify.symbolic.formula import formula
@@ -29,11 +29,14 @@ MOVED = 0.01
 """Shift of a parameter, in its standard deviations, from which the record says that consistency moved it."""
 
 
-def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], command: str) -> dict[str, Any]:
-    """What is known before anything is fitted: robot, logs, versions."""
+def head(
+    robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], command: str, triage: Sequence[Findings]
+) -> dict[str, Any]:
+    """What is known before anything is fitted: robot, logs, versions. triage: of training, then test logs."""
     from identify.robot.library import robot_digest
 
-    logs = [log_entry(log, role, robot) for role, group in (("train", train), ("test", test)) for log in group]
+    roles = [("train", log) for log in train] + [("test", log) for log in test]
+    logs = [log_entry(log, role, found) for (role, log), found in zip(roles, triage, strict=True)]
     return {
         "format": FORMAT,
         "robot": {
@@ -61,9 +64,8 @@ def head(robot: Robot, model: str, train: Sequence[Log], test: Sequence[Log], co
     }
 
 
-def log_entry(log: Log, role: str, robot: Robot) -> dict[str, Any]:
+def log_entry(log: Log, role: str, triage: Findings) -> dict[str, Any]:
     """One log, with what reading and triage found wrong with it."""
-    found = inspect(log, {joint.name: joint.limits for joint in robot.joints}).findings
     row = {
         "path": log.source,
         "role": role,
@@ -73,8 +75,8 @@ def log_entry(log: Log, role: str, robot: Robot) -> dict[str, Any]:
         "duration_s": log.duration,
         "simulated": log.simulated,
         "noise": log.metadata.get("noise"),
-        "findings": [finding.sentence for finding in found],
-        "triage": [finding.as_dict() for finding in found],
+        "findings": [finding.sentence for finding in triage.findings],
+        "triage": [finding.as_dict() for finding in triage.findings],
     }
     return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from identify.estimation.fitting import Fit, ModelFit
     from identify.estimation.identification import Identification
     from identify.experiment.trajectory import Trajectory
+    from identify.logs.triage import Findings
     from identify.regressor.regressor import Regressor
 
 Progress = Callable[[float, str], None] | None
@@ -57,13 +58,17 @@ def run_experiment(
     force: bool = False,
     progress: Progress = None,
 ) -> Log:
-    """Simulate and write LOG.mcap, with robot and trajectory attached, and LOG.truth.json beside it."""
-    from identify.experiment.simulation import save_experiment
-    from identify.logs.reading import read_log
-    from identify.robot.toml import write_toml
+    """Simulate and write LOG.mcap, with robot and trajectory attached, and LOG.truth.json beside it.
 
-    log, truth, motion = _simulated(robot, trajectory, noise, seed, progress)
-    save_experiment(log, truth, write_toml(robot), motion.to_toml(), Path(path), force)
+    The log is written while the plant runs; a run that is killed leaves LOG.mcap.partial, which can be read.
+    """
+    from identify.experiment.simulation import record_experiment, refuse_existing
+    from identify.logs.reading import read_log
+
+    refuse_existing(Path(path), force)
+    if trajectory is None:
+        trajectory = excite(robot, progress=progress)
+    record_experiment(robot, trajectory.for_robot(robot), Path(path), noise, seed, force, progress)
     return read_log(path)
 
 
@@ -85,19 +90,34 @@ def fit(
     from threadpoolctl import threadpool_limits
 
     from identify.estimation.fitting import check_choice
-    from identify.logs.triage import require_identifiable
+    from identify.logs.triage import refusals
+    from identify.regressor.regressor import Regressor
 
     check_choice(model, estimator)
     train = _for_robot([log] if isinstance(log, Log) else log, robot)
     test = _for_robot(test, robot)
-    for each in train:
-        require_identifiable(each)
     for each in test:
         if each.effort is None:
             raise LogError(f"{each.source or 'test log'}: holds no effort to test against; leave it out of --test")
+    if progress:
+        progress(0.0, "triage")
     # Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work.
     with threadpool_limits(1, "blas"):
-        return _identified(robot, train, test, model, estimator, command, progress)
+        regressor = Regressor(robot)
+        triage = looked_over([*train, *test], robot, regressor)
+        for found in triage[: len(train)]:
+            if reasons := refusals(found):
+                raise UnsupportedLogError(*reasons)
+        return _identified(regressor, train, test, model, estimator, command, triage, progress)
+
+
+def looked_over(logs: Sequence[Log], robot: Robot, regressor: Regressor | None = None) -> list[Findings]:
+    """What triage finds in each log, by itself and by the robot's limits and dynamics."""
+    from identify.regressor.regressor import Regressor
+    from identify.validation.log_checks import look_over
+
+    regressor = regressor or Regressor(robot)
+    return [look_over(log, robot, regressor) for log in logs]
 
 
 def fit_to_folder(
@@ -127,7 +147,8 @@ def fit_to_folder(
         record, curves = result.record, result.curves
     except UnsupportedLogError as error:
         train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
-        record = records.rejected(records.head(robot, model, train, held_out, command), rejected(error.reasons))
+        triage = looked_over([*train, *held_out], robot)
+        record = records.rejected(records.head(robot, model, train, held_out, command, triage), rejected(error.reasons))
         curves = _raw_curves(train)
     if progress:
         progress(0.95, "report")
@@ -198,24 +219,24 @@ def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
 
 
 def _identified(
-    robot: Robot,
+    regressor: Regressor,
     train: list[Log],
     test: list[Log],
     model: str,
     estimator: str | None,
     command: str,
+    triage: list[Findings],
     progress: Progress,
 ) -> Identification:
     from identify import record as records
     from identify.estimation.fitting import ALL, agreement, fit_models
     from identify.estimation.identification import Identification
-    from identify.regressor.regressor import Regressor
     from identify.validation import cross_check, held_out
     from identify.validation.truth import true_parameters
     from identify.validation.verdict import verdict
 
     tell = progress or (lambda share, text: None)
-    regressor = Regressor(robot)
+    robot = regressor.robot
     both = fit_models(regressor, train, model, estimator, lambda share, text: tell(0.7 * share, text))
     chosen = _chosen(both, model)
     estimate, settings = chosen.estimate, chosen.settings
@@ -248,7 +269,7 @@ def _identified(
     base = estimate.parameters[: len(regressor.base.names)]
     checks["identified"] = cross_check.cross_check_identified(robot, base, possible)
     truth = true_parameters(regressor, train[0])
-    record = records.head(robot, model, train, test, command) | {
+    record = records.head(robot, model, train, test, command, triage) | {
         "estimator": chosen.estimator,
         **records.parameters(regressor, chosen, truth, nominal, prior_reason),
         "fit": records.fit_figures(chosen, figures[model][0]),

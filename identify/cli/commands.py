@@ -112,23 +112,21 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """What a log holds, what is odd about it, and whether it can support a fit."""
     from identify.logs.reading import read_log
     from identify.logs.triage import inspect as look_over
-    from identify.logs.triage import require_identifiable
+    from identify.logs.triage import refusals
 
-    joints, limits = None, None
-    if options.robot is not None:
+    if options.robot is None:
+        log = read_log(options.log, options.map, None, options.topic)
+        found = look_over(log)
+    else:
+        from identify import workflow
         from identify.robot.library import load_robot
 
         robot = load_robot(options.robot, options.joints, options.gravity)
-        joints, limits = robot.joint_names, {joint.name: joint.limits for joint in robot.joints}
-    log = read_log(options.log, options.map, joints, options.topic)
-    found = look_over(log, limits)
-    try:
-        require_identifiable(log)
-        reasons: tuple[str, ...] = ()
-    except UnsupportedLogError as error:
-        reasons = error.reasons
+        log = read_log(options.log, options.map, robot.joint_names, options.topic)
+        (found,) = workflow.looked_over([log], robot)
+    reasons = refusals(found)
     if options.json:
-        _print_json({**found.as_dict(), "can_support_a_fit": not reasons, "reasons": list(reasons)})
+        _print_json({**found.as_dict(), "can_support_a_fit": not reasons, "reasons": reasons})
         return 0
     print(found.summary())
     print()

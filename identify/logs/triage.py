@@ -116,7 +116,8 @@ class Findings:
             **asdict(self),
             "jitter": self.jitter,
             "joints": joints,
-            "findings": [f.as_dict() for f in self.findings],
+            "findings": [f.sentence for f in self.findings],
+            "triage": [f.as_dict() for f in self.findings],
         }
 
     def summary(self) -> str:

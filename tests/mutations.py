@@ -170,3 +170,25 @@ CHANGES = (
     _insert,
     _cut,
 )
+
+
+def robot_files() -> list[tuple[str, str]]:
+    """(file name, text) of sound robots in every format, to be damaged."""
+    import test_mjcf_reading
+    import test_toml
+    import test_urdf
+
+    from identify.robot.library import load_robot
+    from identify.robot.mjcf import to_mjcf
+    from identify.robot.toml import write_toml
+
+    rng = np.random.default_rng(0)
+    return [
+        ("arm.urdf", test_urdf.ARM),
+        ("random.urdf", test_urdf.random_urdf(rng, 5, special=True, tree=True)),
+        ("arm.xml", test_mjcf_reading.ARM),
+        ("random.xml", test_mjcf_reading.random_mjcf(rng, 4)),
+        ("rx90.xml", to_mjcf(load_robot("rx90"), position_gain=np.ones(6))),
+        ("arm.toml", test_toml.ARM),
+        ("tx40.toml", write_toml(load_robot("tx40"))),
+    ]

@@ -21,6 +21,8 @@ __all__ = ["read_text", "read_toml", "write_toml"]
 LARGEST_FILE = 50_000_000
 """Bytes of a robot file."""
 LONGEST_NOTE = 100_000
+DEEPEST_KEY = 100
+"""Parts of a key, a.b.c: the parser takes memory with the square of their number."""
 
 FIXED = "fixed"
 TYPES = (REVOLUTE, PRISMATIC, FIXED)
@@ -44,6 +46,8 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
         source = source or str(text)
         text = read_text(text)
     source = source or "robot"
+    if _dotted(text) > DEEPEST_KEY:
+        raise RobotError(f"{source}: a key of more than {DEEPEST_KEY} parts; no robot description needs that")
     try:
         data = tomllib.loads(text)
     except RecursionError:
@@ -86,6 +90,16 @@ def read_text(path: Path) -> str:
         raise RobotError(f"{path}: not a text file in UTF-8 (byte {error.start}); is it a robot description?") from None
     except OSError as error:
         raise RobotError(f"{path}: can't be read: {error.strerror}") from None
+
+
+def _dotted(text: str) -> int:
+    """The most words in a row that dots hold together."""
+    longest = run = 0
+    for piece in text.split("."):
+        # A space or a line's end inside a piece ends the run, around it not.
+        run = run + 1 if len(piece) <= checks.LONGEST and len(piece.split()) == 1 else 0
+        longest = max(longest, run)
+    return longest
 
 
 def _entries(data: dict[str, Any], source: str) -> list[Entry]:

@@ -137,6 +137,15 @@ def test_states_fill_the_limits_of_the_joints() -> None:
     np.testing.assert_array_equal(random_states(robot, 4000, seed=1)[0], q)
 
 
+def test_limits_that_no_cosine_bears_are_none() -> None:
+    robot = load_robot("rx90")
+    wide = replace(robot.joints[0], limits=replace(robot.joints[0].limits, position=(-1e16, 1e16)))
+    robot = replace(robot, joints=(wide, *robot.joints[1:]))
+    q = random_states(robot, 100, seed=0)[0]
+    assert np.abs(q[:, 0]).max() <= np.pi
+    assert check_robot(robot, samples=50)["agree"] is True
+
+
 def test_invented_links_are_possible_ones() -> None:
     standard = consistent_links(load_robot("rx90"), seed=3)
     assert smallest_eigenvalues(standard).min() > 0

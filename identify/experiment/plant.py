@@ -37,6 +37,9 @@ STEP_DAMPING = 0.5
 is stable at any step.
 """
 
+SEGMENT = 500
+"""Steps after which what has happened is handed on."""
+
 CORIOLIS_EVERY = 8
 """Steps between the instants at which the Coriolis effort along the reference is computed."""
 
@@ -74,8 +77,12 @@ def run_plant(
     every: int = 2,
     bandwidth_hz: float = BANDWIDTH_HZ,
     progress: Callable[[float, str], None] | None = None,
+    each: Callable[[np.ndarray, np.ndarray, np.ndarray, dict[str, str]], None] | None = None,
 ) -> PlantRun:
     """Let the robot follow `trajectory` from rest and keep every `every`-th step of 0.5 ms.
+
+    each: gets time (k,), position and effort (k, n) of every quarter of a second as soon as it is over, and how the
+    plant is run.
 
     The controller is Γ = Kp·(q_ref − q) + Kd·(q̇_ref − q̇) + Γ_ff, Kp = ω²·M_jj and Kd = 2ω·M_jj with M_jj the
     mean diagonal of the inertia matrix over the motion and ω = 2π·bandwidth_hz, lowered where the coupling
@@ -112,14 +119,32 @@ def run_plant(
     mujoco.mj_getState(model, data, start, everything)
     # MuJoCo would answer divergence with a file in the current folder; it is told below instead
     mujoco.set_mju_user_warning(lambda text: None)
+    facts = {
+        "plant": f"MuJoCo {mujoco.__version__}, Euler, step {TIMESTEP} s, viscous and Coriolis effort centred",
+        "controller": f"joint-space PD, critically damped at {omega / (2 * np.pi):.3g} Hz, with feed-forward",
+    }
+    back = np.argsort(order)
+    n, controls = robot.n, (command + step_correction)[None, :-1, order]
+    states = np.empty((steps + 1, len(start)))  # time, q, q̇
+    states[0] = start
+    warm = None
     try:
-        states, _ = rollout.rollout(model, data, start, (command + step_correction)[None, :-1, order])
+        for begin in range(0, steps, SEGMENT):
+            end = min(begin + SEGMENT, steps)
+            part = slice(begin + 1, end + 1)
+            # The solver's first guess goes along, so that the segments are one run bit by bit.
+            states[part] = rollout.rollout(model, data, states[begin], controls[:, begin:end], initial_warmstart=warm)[
+                0
+            ][0]
+            warm = data.qacc_warmstart.copy()
+            if each is not None and np.all(np.isfinite(states[part])):
+                rows = np.arange(0 if begin == 0 else begin + 1, end + 1)
+                rows = rows[rows % every == 0]
+                q, dq = states[rows, 1 : 1 + n][:, back], states[rows, 1 + n : 1 + 2 * n][:, back]
+                each(rows / round(1 / TIMESTEP), q, command[rows] - stiffness * q - damping * dq, facts)
     finally:
         mujoco.set_mju_user_warning(None)
-    states = np.vstack([start, states[0]])  # (steps + 1, 1 + 2n): time, q, q̇
 
-    n = robot.n
-    back = np.argsort(order)
     position, velocity = states[:, 1 : 1 + n][:, back], states[:, 1 + n : 1 + 2 * n][:, back]
     if not (np.all(np.isfinite(states)) and abs(states[-1, 0] - time[-1]) < TIMESTEP):
         raise InputError(f"{robot.name}: the simulated robot became unstable; look at its inertias, or ask for less")
@@ -137,10 +162,7 @@ def run_plant(
         joints=robot.joint_names,
         saturated=saturated,
         findings=_findings(robot, position, velocity, effort, saturated),
-        facts={
-            "plant": f"MuJoCo {mujoco.__version__}, Euler, step {TIMESTEP} s, viscous and Coriolis effort centred",
-            "controller": f"joint-space PD, critically damped at {omega / (2 * np.pi):.3g} Hz, with feed-forward",
-        },
+        facts=facts,
     )
 
 

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from identify.errors import OutputError
-from identify.experiment.plant import run_plant
-from identify.experiment.sensors import check_noise, measure
+from identify.experiment.plant import TIMESTEP, run_plant
+from identify.experiment.sensors import Sensors, check_noise, findings_entry, measure, provenance
 from identify.experiment.trajectory import Trajectory
 from identify.logs.files import digest, replacing
 from identify.logs.log import Log
+from identify.logs.mcap_writer import Recorder, recording, write_mcap
 from identify.robot.robot import Robot
+from identify.robot.toml_writing import write_toml
 
 TRUTH_FORMAT = "identify/truth/1"
 
@@ -77,6 +82,53 @@ def truth_path(path: str | Path) -> Path:
     return Path(path).with_suffix(".truth.json")
 
 
+def record_experiment(
+    robot: Robot,
+    trajectory: Trajectory,
+    path: str | Path,
+    noise: str = "standard",
+    seed: int = 0,
+    force: bool = False,
+    progress: Callable[[float, str], None] | None = None,
+) -> None:
+    """Simulate, and write log and truth as save_experiment does, the log while the plant runs.
+
+    Whoever is killed leaves PATH.partial, readable up to its last half second, and older files as they were.
+    """
+    check_noise(noise, seed)
+    path = Path(path)
+    refuse_existing(path, force)
+    tell = progress or (lambda fraction, text: None)
+    attachments = _attachments(write_toml(robot), trajectory.to_toml())
+    # Noise that is a share of the run's largest effort can't be known before its end.
+    bounded = all(np.isfinite(joint.limits.effort) for joint in robot.joints)
+    rate = 1 / (2 * TIMESTEP)
+    sensors = Sensors(robot, noise, seed, rate)
+    with ExitStack() as stack:
+        recorders: list[Recorder] = []
+
+        def each(time: np.ndarray, position: np.ndarray, effort: np.ndarray, facts: dict[str, str]) -> None:
+            if not recorders:
+                told = provenance(robot, noise, seed, rate, facts)
+                recording_ = recording(path, robot.joint_names, metadata=told, attachments=attachments)
+                recorders.append(stack.enter_context(recording_))
+            measured, velocity, measured_effort = sensors.read(position, effort)
+            recorders[0].append(time, measured, velocity, measured_effort)
+
+        run = run_plant(
+            robot,
+            trajectory,
+            progress=lambda fraction, text: tell(0.9 * fraction, text),
+            each=each if bounded else None,
+        )
+        if recorders and run.findings:
+            recorders[0].note(findings_entry(run.findings))
+    if not bounded:
+        write_mcap(measure(run, noise, seed, robot), path, attachments)
+    _save_truth(truth(robot, noise, seed, run.facts), path)
+    tell(1.0, "log")
+
+
 def save_experiment(
     log: Log, truth: dict[str, Any], robot_toml: str, trajectory_toml: str, path: str | Path, force: bool = False
 ) -> None:
@@ -85,14 +137,26 @@ def save_experiment(
     The truth file also gets the log's digest, so that it can't be taken for another log's. OutputError if either
     file is there and `force` is False, or where they can't be written.
     """
-    from identify.logs.mcap_writer import write_mcap
+    refuse_existing(Path(path), force)
+    write_mcap(log, path, _attachments(robot_toml, trajectory_toml))
+    _save_truth(truth, Path(path))
 
-    path, beside = Path(path), truth_path(path)
-    for target in (path, beside):
+
+def refuse_existing(path: Path, force: bool) -> None:
+    """OutputError if a log, or its truth, is at `path` already and `force` is False."""
+    for target in (path, truth_path(path)):
         if target.exists() and not force:
             raise OutputError(f"{target}: exists already; choose another name, or give --force to replace it")
-    write_mcap(log, path, {"robot.toml": robot_toml.encode(), "trajectory.toml": trajectory_toml.encode()})
-    # Should the second write fail, no truth is better than another log's.
+
+
+def _attachments(robot_toml: str, trajectory_toml: str) -> dict[str, bytes]:
+    return {"robot.toml": robot_toml.encode(), "trajectory.toml": trajectory_toml.encode()}
+
+
+def _save_truth(truth: dict[str, Any], path: Path) -> None:
+    """Write the truth of the log at `path` beside it."""
+    beside = truth_path(path)
+    # Should this fail, no truth is better than another log's.
     beside.unlink(missing_ok=True)
     with replacing(beside) as stream:
         stream.write((json.dumps(truth | {"log_sha256": digest(path)}, indent=1, ensure_ascii=False) + "\n").encode())

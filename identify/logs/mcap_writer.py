@@ -154,6 +154,12 @@ class Recorder:
         if self._held >= self._rows or abs(int(stamp[-1]) - self._first) >= CHUNK_SPAN or len(stamp) > 1:
             self._write_full(last=False)
 
+    def note(self, entries: Mapping[str, str]) -> None:
+        """Add to the provenance what was not known at the start."""
+        from mcap.records import Metadata
+
+        self._file.metadata(Metadata(PROVENANCE, dict(entries)))
+
     def close(self) -> None:
         """Write what is left, and the index."""
         self._write_full(last=True)

@@ -13,7 +13,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from identify.errors import InputError, OutputError
-from identify.estimation.motion import motion_of
+from identify.estimation.motion import clock, motion_pieces
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.logs.slicing import select
@@ -104,11 +104,13 @@ def _estimates(record: dict[str, Any]) -> tuple[tuple[str, ...], np.ndarray, np.
 
 def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
     """(N, n) effort of the parameters at the log's samples, position low-passed and differentiated as for the fit."""
-    motion = motion_of(log, settings.position_cutoff_hz)
-    effort = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign)
-    if np.array_equal(motion.time, log.time):
+    effort = np.empty(log.position.shape)
+    for rows, motion in motion_pieces(log, settings.position_cutoff_hz):
+        effort[rows] = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign)
+    time = clock(log)[0]
+    if np.array_equal(time, log.time):
         return effort
-    return np.column_stack([np.interp(log.time, motion.time, column) for column in effort.T])
+    return np.column_stack([np.interp(log.time, time, column) for column in effort.T])
 
 
 def load_folder(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

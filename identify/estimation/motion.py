@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -14,6 +15,9 @@ JITTER = 0.02
 
 REACH = 2.0
 """How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
+
+PIECE_S = 20.0
+"""Length of the pieces in which a long log is worked on, so that memory does not grow with it."""
 
 FORGOTTEN = 1e-11
 """Share of what a low-pass met at an end of a record that may be left of it where the end counts as far away."""
@@ -109,6 +113,18 @@ def motion_of(log: Log, cutoff: float) -> Motion:
     """The log's motion at its own rate, position low-passed at `cutoff` [Hz]."""
     time, (position,), rate = uniform(log, log.position)
     return Motion(time, *differentiated(position, cutoff, rate), rate)
+
+
+def motion_pieces(log: Log, cutoff: float) -> Iterator[tuple[slice, Motion]]:
+    """`motion_of` piece by piece, for long logs: the samples of each, and the motion there."""
+    time, rate, regular = clock(log)
+    step, margin = max(1, round(PIECE_S * rate)), settled(cutoff, rate)
+    for start in range(0, len(time), step):
+        rows = slice(start, min(start + step, len(time)))
+        around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
+        position = log.position[around] if regular else resampled(log, time[around], log.position)[0]
+        inside = slice(rows.start - around.start, rows.stop - around.start)
+        yield rows, Motion(time[rows], *(x[inside] for x in differentiated(position, cutoff, rate)), rate)
 
 
 def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:

@@ -7,16 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.estimation.motion import clock, decimated, differentiated, resampled, settled, thinned
+from identify.estimation.motion import PIECE_S, clock, decimated, differentiated, resampled, settled, thinned
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 
 WORKING_RATE_HZ = 400.0
 """Logs are brought down to about this rate, by a zero-phase low-pass, before regressors are built."""
-
-PIECE_S = 20.0
-"""Length of the pieces in which a long log is worked on, so that memory does not grow with it."""
 
 END_S = 0.1
 """Cut from both ends of every log, where zero-phase filters have no neighbours."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from identify.estimation import motion as module
 from identify.estimation.motion import (
     GROUP,
     clock,
@@ -13,6 +14,7 @@ from identify.estimation.motion import (
     differentiated,
     low_pass,
     motion_of,
+    motion_pieces,
     resampled,
     settled,
     thinned,
@@ -182,3 +184,18 @@ def test_a_part_of_a_clock_is_resampled_as_the_whole() -> None:
     for part in (slice(0, 300), slice(1234, 1235), slice(3000, len(TIME))):
         np.testing.assert_array_equal(resampled(log, even[part], log.position)[0], whole[part])
     assert clock(log_of(TIME, log.position))[2]
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.4])
+def test_pieces_of_a_motion_make_the_whole(jitter: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "PIECE_S", 1.7)
+    time = TIME + jitter * np.random.default_rng(2).uniform(-1, 1, len(TIME)) / RATE
+    log = log_of(time, np.column_stack([np.sin(3 * time), np.cos(2 * time) + time]))
+    whole = motion_of(log, 20.0)
+    pieces = list(motion_pieces(log, 20.0))
+    assert len(pieces) == 5
+    for name in ("time", "q", "dq", "ddq"):
+        found = np.concatenate([getattr(piece, name) for _, piece in pieces])
+        expected = getattr(whole, name)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    assert [rows.start for rows, _ in pieces] == [0, 850, 1700, 2550, 3400]

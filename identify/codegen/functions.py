@@ -19,7 +19,7 @@ from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.newton_euler import torque_regressor
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import bilinear_in_rates
-from identify.symbolic.representative import parameter_name, representative
+from identify.symbolic.representative import representative
 from identify.symbolic.simplification import simplified
 
 REFERENCES = {"dqr": "dq_ref", "ddqr": "ddq_ref"}
@@ -68,8 +68,7 @@ def models(regressor: Regressor, theta: np.ndarray, covariance: np.ndarray | Non
     """Every model of the regressor's robot, with parameters theta (p,) in the order of its names."""
     robot = regressor.robot
     chosen = representative(robot)
-    inertial = chosen.matrix @ theta[: len(regressor.base.names)]
-    constants = {parameter_name(k): float(x) for k, x in zip(chosen.kept, inertial, strict=True)}
+    constants = chosen.values(theta[: len(regressor.base.names)])
     extra = zip(regressor.names[len(regressor.base.names) :], theta[len(regressor.base.names) :], strict=True)
     constants |= {name: float(x) for name, x in extra}
     build: tuple[Callable[[Robot, Regressor], Function], ...] = (

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -50,6 +50,7 @@ def operations(robot: Robot) -> tuple[Row, ...]:
     Inverse dynamics is counted without friction, and with a wrench on the last link as in the chapter; direct dynamics
     with friction. The symmetric-link row is there for the chapter's robot alone, geometry for robots without branches.
     """
+    robot = with_unequal_lengths(robot)
     kept = base_parameters(robot).kept
     known = is_chapters_robot(robot)
     branches = any(joint.parent != j - 1 for j, joint in enumerate(robot.joints))
@@ -126,9 +127,20 @@ def inertia_matrix(graph: Graph, robot: Robot) -> list[Expression]:
     for k in range(robot.n):
         unit: list[Scalar] = [graph.constant(float(i == k)) for i in range(robot.n)]
         motion = Motion([zero] * robot.n, unit, (zero, zero, zero))
-        torque = customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, True, chosen.forms)
+        torque = customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, forms=chosen.forms)
         entries += torque[: k + 1]
     return lifted(graph, entries)
+
+
+def with_unequal_lengths(robot: Robot) -> Robot:
+    """The robot with every named length a little longer than the one before, so that none equals another by chance."""
+    names = dict.fromkeys(name for joint in robot.joints for _, name in joint.symbols)
+    factor = {name: 1 + i / 128 for i, name in enumerate(names)}
+    joints = tuple(
+        replace(joint, **{key: getattr(joint, key) * factor[name] for key, name in joint.symbols})
+        for joint in robot.joints
+    )
+    return replace(robot, joints=joints)
 
 
 def is_chapters_robot(robot: Robot) -> bool:
@@ -154,4 +166,4 @@ def _count(outputs: list[Expression]) -> Operations:
 
 
 def _customised(robot: Robot, wrench: bool = False, absent: Collection[str] = (), **parts: bool) -> Operations:
-    return count(customised_model(robot, wrench, True, absent, **parts).torque)
+    return count(customised_model(robot, wrench, absent=absent, **parts).torque)

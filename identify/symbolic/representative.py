@@ -2,13 +2,15 @@
 
 Many sets of standard parameters give the same base parameters, and so the same torque. A representative keeps as many
 second-moment parameters as there are base parameters and puts the others to zero: a basis of the columns of
-base = B·σ. The search starts from the cheapest columns, then exchanges one at a time while that saves operations, as
-a mass left at a wrist does that makes a first moment vanish.
+base = B·σ. Forms follow from the arm's structure: parallel axes, and a last link about the origin of the link before.
+One model with every parameter then tells what each set costs, by leaving out what vanishes with the parameters outside;
+the search starts from the greedy basis and exchanges one parameter at a time while that saves operations, as a mass
+left at a wrist does that makes a first moment vanish. Last, single changes of forms and the unit of length are tried.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -16,9 +18,20 @@ import numpy as np
 
 from identify.robot.robot import Drive, Limits, Link, Robot
 from identify.symbolic.base_parameters import base_parameters
-from identify.symbolic.customised import SECOND_MOMENTS, Form, Motion, customised_torque
-from identify.symbolic.expression import Expression, Graph, Scalar
-from identify.symbolic.operations import count, lifted
+from identify.symbolic.chain import exact_cos_sin
+from identify.symbolic.customised import (
+    MX,
+    MY,
+    SECOND_MOMENTS,
+    Form,
+    Forms,
+    Motion,
+    can_merge,
+    customised_torque,
+    turn_symbol,
+)
+from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
+from identify.symbolic.operations import count, lifted, varying
 from identify.symbolic.simplification import simplified
 
 PRICE = {"Ia": 2, "SXX": 3, "SYY": 3, "SXZ": 5, "SYZ": 5, "SXY": 6, "MX": 8, "MY": 8, "SZZ": 9, "M": 20, "MZ": 30}
@@ -29,8 +42,14 @@ SMALL = 1e-9
 
 WORST_CONDITION = 1e6
 
-CHANGES = (("unturned",), ("unturned_first",), ("unturned", "unturned_first"), ("shared_squares",), ("doubled_rate",))
-"""Options of a link's form that are tried together; the two unturned ones pay most in company."""
+CHANGES = ("shared_squares", "doubled_rate", "turned_row", "unturned", "unturned_first")
+"""Options of a link's form that are tried one at a time."""
+
+WEIGHTY = ("merged", "level", "levered", "stepped")
+"""Options whose price shows after simplification alone."""
+
+PARALLEL = ("level", "levered", "stepped")
+"""Options of links behind a parallel axis."""
 
 
 @dataclass(frozen=True)
@@ -38,21 +57,26 @@ class CustomisedModel:
     """Inverse dynamics ready to print.
 
     torque (n,) expressions of q1 …, dq1 …, ddq1 …, the wrench F1 F2 F3, N1 N2 N3 if asked for, and the symbols
-    `parameters` (k,); these have the values matrix (k, p) @ base parameters.
+    `parameters`, whose values `values` gives.
     """
 
     torque: list[Expression]
     parameters: tuple[str, ...]
-    matrix: np.ndarray
+    chosen: Representative
+    letters: bool
+
+    def values(self, base: np.ndarray) -> dict[str, float]:
+        """The model's parameters by name, for base parameters (p,)."""
+        return self.chosen.values(base, self.letters)
 
 
 @dataclass(frozen=True)
 class Representative:
-    """Second-moment parameters kept (indices into 11 n), values matrix (k, p) @ base parameters, and forms (n,)."""
+    """Second-moment parameters kept (indices into 11 n), their values matrix (k, p) @ base parameters, and forms."""
 
     kept: tuple[int, ...]
     matrix: np.ndarray
-    forms: tuple[Form, ...]
+    forms: Forms
 
     def symbols(self, graph: Graph, n: int) -> list[Scalar]:
         """(11 n,) a symbol for each parameter kept, zero for the others."""
@@ -61,10 +85,31 @@ class Representative:
             values[k] = graph.symbol(parameter_name(k))
         return values
 
+    def values(self, base: np.ndarray, letters: bool = False) -> dict[str, float]:
+        """Parameters by name for base parameters (p,), as `customised_torque` reads them: where lengths are numbers,
+        those of a frame in `forms.turned` are the turned frame's, and the angle that it is turned by is one more."""
+        found = {parameter_name(k): float(x) for k, x in zip(self.kept, self.matrix @ base, strict=True)}
+        for j in () if letters else self.forms.turned:
+            found |= _turned(j, found)
+        return found
+
 
 def parameter_name(k: int) -> str:
     """Name of the second-moment parameter of index k: "SXX1" …"""
     return f"{SECOND_MOMENTS[k % 11]}{k // 11 + 1}"
+
+
+def _turned(j: int, values: Mapping[str, float]) -> dict[str, float]:
+    """Parameters of link j in its frame turned about z so that MY is zero, those that are there, and the angle."""
+    at = {name: values.get(f"{name}{j + 1}", 0.0) for name in SECOND_MOMENTS}
+    angle = float(np.arctan2(at["MY"], at["MX"]))
+    c, s = np.cos(angle), np.sin(angle)
+    axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    second = np.array([[at[f"S{min(a, b)}{max(a, b)}"] for b in "XYZ"] for a in "XYZ"])
+    second, first = axes @ second @ axes.T, axes @ [at["MX"], at["MY"], at["MZ"]]
+    found = {f"S{'XYZ'[a]}{'XYZ'[b]}{j + 1}": float(second[a, b]) for a in range(3) for b in range(a, 3)}
+    found |= {f"MX{j + 1}": float(first[0]), f"MY{j + 1}": 0.0}
+    return {name: x for name, x in found.items() if name in values} | {turn_symbol(j): angle}
 
 
 def customised_model(
@@ -88,7 +133,8 @@ def customised_model(
     values = chosen.symbols(graph, robot.n)
     torque = customised_torque(graph, robot, values, motion, letters, chosen.forms)
     names = tuple(parameter_name(k) for k in chosen.kept)
-    return CustomisedModel(simplified(lifted(graph, torque)), names, chosen.matrix)
+    names += tuple(turn_symbol(j) for j in chosen.forms.turned if not letters)
+    return CustomisedModel(simplified(lifted(graph, torque)), names, chosen, letters)
 
 
 def representative(robot: Robot, absent: Collection[str] = ()) -> Representative:
@@ -102,15 +148,30 @@ def _representative(robot: Robot, absent: frozenset[str]) -> Representative:
     base = base_parameters(robot)
     b = base.matrix @ standard_from_second_moments(robot.n)
     present = np.array([name not in absent for name in base.names])
-    kept = _cheapest_basis(b)
-    forms = [Form()] * robot.n
-    for _ in range(2):
-        forms = _best_forms(robot, _live(b, kept, present)[0], forms, shared=False)
-        kept = _exchanged(robot, b, kept, present, forms)
+    forms = Forms(_structural(robot))
+    kept = _exchanged(b, _cheapest_basis(b), present, _Program.of(robot, b, forms))
     live, matrix = _live(b, kept, present)
-    forms = _best_forms(robot, live, forms, shared=True)
+    forms = _best_forms(robot, live, forms)
     matrix.setflags(write=False)
-    return Representative(tuple(live), matrix, tuple(forms))
+    return Representative(tuple(live), matrix, forms)
+
+
+def _structural(robot: Robot) -> tuple[Form, ...]:
+    """Forms that the arm's structure suggests: links on parallel axes in axes that these do not turn, a last link that
+    turns about its parent's origin as part of the parent's body."""
+    forms = [Form()] * robot.n
+    for j, joint in enumerate(robot.joints):
+        if can_merge(robot, j):
+            forms[j] = Form(merged=True)
+            forms[joint.parent] = replace(forms[joint.parent], doubled_rate=True)
+        before = robot.joints[joint.parent] if joint.parent >= 0 else None
+        parallel = exact_cos_sin(joint.alpha)[1] == 0 and exact_cos_sin(joint.gamma)[0] == 1
+        if before and before.revolute and joint.revolute and parallel:
+            closed = Form(shared_squares=False, doubled_rate=True, unturned=True)
+            if not forms[joint.parent].level:
+                forms[joint.parent] = closed
+            forms[j] = replace(closed, turned_row=True, level=True, levered=True, stepped=True)
+    return tuple(forms)
 
 
 def standard_from_second_moments(n: int) -> np.ndarray:
@@ -151,46 +212,109 @@ def _live(b: np.ndarray, kept: Sequence[int], present: np.ndarray) -> tuple[list
     return [k for k, row in zip(kept, rows, strict=True) if row], inverse[rows]
 
 
-def _price(robot: Robot, live: Sequence[int], forms: Sequence[Form], shared: bool) -> tuple[int, int]:
-    """Operations altogether, and multiplications, with a wrench and lengths as letters; `shared`: simplified."""
+@dataclass(frozen=True)
+class _Program:
+    """The model with every parameter that has an effect: nodes in order (kind, arguments) of an operation, and what
+    tells how many operations are left when parameters are zero."""
+
+    steps: list[tuple[int, str, tuple[int, ...], bool]]
+    parameters: dict[int, int]
+    roots: list[int]
+
+    @staticmethod
+    def of(robot: Robot, b: np.ndarray, forms: Forms) -> _Program:
+        graph = Graph()
+        felt = tuple(int(k) for k in np.flatnonzero(np.linalg.norm(b, axis=0) > SMALL))
+        every = Representative(felt, np.zeros(0), forms)
+        motion = Motion.of(graph, robot, wrench=True)
+        torque = lifted(graph, customised_torque(graph, robot, every.symbols(graph, robot.n), motion, forms=forms))
+        order = reachable(graph, torque)
+        variable = varying(graph, order)
+        steps = [(i, graph.nodes[i][0], arguments(graph.nodes[i]), i in variable) for i in order]
+        at = {graph.nodes[i][1]: i for i in order if graph.nodes[i][0] == "symbol"}
+        return _Program(
+            steps, {k: at[name] for k in felt if (name := parameter_name(k)) in at}, [e.index for e in torque]
+        )
+
+    def price(self, live: Collection[int]) -> int:
+        """Operations left when the parameters outside `live` are zero."""
+        zero = {i for k, i in self.parameters.items() if k not in live}
+        same: dict[int, int] = {}
+        for i, kind, x, _ in self.steps:
+            if kind == "mul":
+                if x[0] in zero or x[1] in zero:
+                    zero.add(i)
+            elif kind in ("add", "sub"):
+                if x[0] in zero:
+                    if x[1] in zero:
+                        zero.add(i)
+                    else:
+                        same[i] = x[1]
+                elif x[1] in zero:
+                    same[i] = x[0]
+            elif kind == "neg" and x[0] in zero:
+                zero.add(i)
+        needed = {i for i in self.roots if i not in zero}
+        total = 0
+        for i, kind, x, variable in reversed(self.steps):
+            if i in needed:
+                if i in same:
+                    needed.add(same[i])
+                    continue
+                needed.update(x)
+                total += variable and kind in ("add", "sub", "mul")
+        return total
+
+
+def _exchanged(b: np.ndarray, kept: list[int], present: np.ndarray, program: _Program) -> list[int]:
+    """The basis after single exchanges that save operations, every column outside tried until none does."""
+    best = program.price(_live(b, kept, present)[0])
+    changed = True
+    while changed:
+        changed = False
+        for entering in range(b.shape[1]):
+            if entering in kept or np.linalg.norm(b[:, entering]) < SMALL:
+                continue
+            coefficients = np.linalg.solve(b[:, kept], b[:, entering])
+            for leaving in [k for k, x in zip(kept, coefficients, strict=True) if abs(x) > 1e-7]:
+                trial = sorted([k for k in kept if k != leaving] + [entering])
+                price = program.price(_live(b, trial, present)[0])
+                if price < best and np.linalg.cond(b[:, trial]) <= WORST_CONDITION:
+                    best, kept, changed = price, trial, True
+                    break
+    return kept
+
+
+def _price(robot: Robot, live: Sequence[int], forms: Forms, shared: bool = False) -> tuple[int, int]:
+    """Operations altogether, and multiplications, with a wrench, before simplification or `shared`: after it."""
     graph = Graph()
-    chosen = Representative(tuple(live), np.zeros(0), tuple(forms))
+    chosen = Representative(tuple(live), np.zeros(0), forms)
     motion = Motion.of(graph, robot, wrench=True)
-    torque = lifted(graph, customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, True, forms))
+    torque = lifted(graph, customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, forms=forms))
     counted = count(simplified(torque) if shared else torque)
     return counted.multiplications + counted.additions, counted.multiplications
 
 
-def _best_forms(robot: Robot, live: Sequence[int], forms: list[Form], shared: bool) -> list[Form]:
-    """Forms after changes of one link that save operations: until none does, or in one round where simplifying the
-    whole model for every trial makes them dear."""
-    best = _price(robot, live, forms, shared)
-    changed = True
-    while changed:
-        changed = False
+def _best_forms(robot: Robot, live: Sequence[int], forms: Forms) -> Forms:
+    """Forms, unit of length and turned frames after changes that save operations, each tried once."""
+    lengths = {abs(x) for joint in robot.joints for x in (joint.d, joint.r, joint.b)} - {0.0}
+    units = sorted(lengths) if all(joint.revolute for joint in robot.joints) else []
+    best = _price(robot, live, forms)
+    for trial in [replace(forms, unit=unit) for unit in units]:
+        price = _price(robot, live, trial)
+        if price < best:
+            best, forms = price, trial
+    for shared, options in ((False, CHANGES), (True, WEIGHTY)):
+        best = _price(robot, live, forms, shared)
         for j in range(robot.n):
-            for options in CHANGES:
-                trial = list(forms)
-                trial[j] = replace(trial[j], **{option: not getattr(trial[j], option) for option in options})
+            for option in options:
+                if (option == "merged" and not can_merge(robot, j)) or (option == "level" and not forms.links[j].level):
+                    continue
+                changed = replace(forms.links[j], **{option: not getattr(forms.links[j], option)})
+                trial = replace(forms, links=(*forms.links[:j], changed, *forms.links[j + 1 :]))
                 price = _price(robot, live, trial, shared)
                 if price < best:
-                    best, forms, changed = price, trial, not shared
-    return forms
-
-
-def _exchanged(robot: Robot, b: np.ndarray, kept: list[int], present: np.ndarray, forms: Sequence[Form]) -> list[int]:
-    """The basis after single exchanges that save operations, every column outside tried once."""
-    best = _price(robot, _live(b, kept, present)[0], forms, False)
-    for entering in range(b.shape[1]):
-        if entering in kept or np.linalg.norm(b[:, entering]) < SMALL:
-            continue
-        coefficients = np.linalg.solve(b[:, kept], b[:, entering])
-        for leaving in [k for k, x in zip(kept, coefficients, strict=True) if abs(x) > 1e-7]:
-            trial = sorted([k for k in kept if k != leaving] + [entering])
-            if np.linalg.cond(b[:, trial]) > WORST_CONDITION:
-                continue
-            price = _price(robot, _live(b, trial, present)[0], forms, False)
-            if price < best:
-                best, kept = price, trial
-                break
-    return kept
+                    best, forms = price, trial
+    # A frame is turned where both first moments are there, and its link is part of its parent's body.
+    turned = [j for j in range(robot.n) if forms.links[j].merged and {11 * j + MX, 11 * j + MY} <= set(live)]
+    return replace(forms, turned=tuple(turned))

@@ -304,7 +304,7 @@ def _codegen(commands: Any) -> None:
         "write a robot's models as C or Python that a controller can carry",
         "One C99 file and header without allocation or any dependency but math.h, or one Python file that needs\n"
         "NumPy alone: inverse dynamics, base and Slotine-Li regressors, energy functions, inertia matrix, Coriolis\n"
-        "and gravity effort, direct geometry and Jacobian. Each file carries a self-test (C: -DSELF_TEST).",
+        "and gravity effort, direct and inverse geometry, Jacobian. Each file carries a self-test (C: -DSELF_TEST).",
         "identify codegen rx90 --parameters result -o controller",
     )
     command.add_argument("robot", metavar="ROBOT", help=_ROBOT)

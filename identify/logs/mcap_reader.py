@@ -6,7 +6,7 @@ Messages of constant length are decoded in bulk; anything else one by one.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -16,18 +16,16 @@ import numpy as np
 from identify.errors import LogError
 from identify.logs import joint_state
 from identify.logs.damage import Damage, describe
-from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, State, kind_of
+from identify.logs.joint_blocks import blocks_of
+from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, kind_of
 from identify.logs.joint_series import Block, Series
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
 from identify.logs.slicing import no_such_joint
 from identify.logs.wording import counted, listed, printable
 
-_LAYOUTS_PER_RUN = 8
-_LAYOUTS_KEPT = 64
 _SERIES_KEPT = 256
 _UNPACKED = 4
-_ONES_AT_ONCE = 4096
 
 
 @dataclass(frozen=True)
@@ -136,7 +134,8 @@ def _gather(path: Path, found: _Gathered) -> None:
     """Take in one file."""
     from mcap.records import Attachment, Channel, Metadata, Schema
 
-    from identify.logs.mcap_records import Batch, records
+    from identify.logs.mcap_content import Batch
+    from identify.logs.mcap_records import records
 
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
@@ -184,19 +183,19 @@ def _take_in(
     batch: Any, which: np.ndarray | None, topic: str, kind: Kind, layouts: list[joint_state.Layout], found: _Gathered
 ) -> None:
     """Add the messages of one channel, at `which` in the batch or all, to their series in the order of the file."""
-    from identify.logs.mcap_records import MESSAGE_HEAD
+    from identify.logs.mcap_content import MESSAGE_HEAD
 
     log_times = batch.log_times.view(np.int64)
     blocks: list[tuple[np.ndarray, Block | None]] = []
     if which is None and batch.grid is not None:
-        blocks = _blocks(batch.grid[:, MESSAGE_HEAD:], np.arange(len(log_times)), log_times, kind, layouts)
+        blocks = blocks_of(batch.grid[:, MESSAGE_HEAD:], np.arange(len(log_times)), log_times, kind, layouts)
     else:
         which = np.arange(len(log_times)) if which is None else which
         lengths = batch.lengths[which]
         for length in np.unique(lengths).tolist():
             mine = which[lengths == length]
             payloads = batch.rows(mine, length)[:, MESSAGE_HEAD:]
-            blocks.extend(_blocks(payloads, mine, log_times[mine], kind, layouts))
+            blocks.extend(blocks_of(payloads, mine, log_times[mine], kind, layouts))
     by_names: dict[frozenset[str], list[tuple[np.ndarray, Block]]] = {}
     for places, block in blocks:
         if block is None or len(set(block.joints)) != len(block.joints):
@@ -243,85 +242,6 @@ def _rows(block: Block, which: np.ndarray) -> Block:
     pick = slice(int(which[0]), int(which[-1]) + 1)
     velocity, effort = (None if values is None else values[pick] for values in (block.velocity, block.effort))
     return Block(block.joints, block.stamp[pick], block.log_time[pick], block.position[pick], velocity, effort)
-
-
-def _blocks(
-    payloads: np.ndarray,
-    places: np.ndarray,
-    log_times: np.ndarray,
-    kind: Kind,
-    layouts: list[joint_state.Layout],
-) -> list[tuple[np.ndarray, Block | None]]:
-    """Decode messages of one length, a layout at a time, with their places; None where they can't be decoded."""
-    found: list[tuple[np.ndarray, Block | None]] = []
-    for _ in range(_LAYOUTS_PER_RUN):
-        if not len(payloads):
-            return found
-        known = _layout_of(payloads[0].tobytes(), layouts, kind.parse)
-        if known is None:
-            break
-        same = joint_state.matches(known, payloads)
-        whole = bool(same.all())
-        pick = slice(None) if whole else same
-        found.append((places[pick], _in_bulk(known, payloads[pick], log_times[pick])))
-        if whole:
-            return found
-        payloads, places, log_times = payloads[~same], places[~same], log_times[~same]
-    found.extend(_one_by_one(payloads, places, log_times, kind))
-    return found
-
-
-def _one_by_one(
-    payloads: np.ndarray, places: np.ndarray, log_times: np.ndarray, kind: Kind
-) -> Iterator[tuple[np.ndarray, Block | None]]:
-    """The same for messages without a layout."""
-    for start in range(0, len(payloads), _ONES_AT_ONCE):
-        groups: dict[Any, list[tuple[int, State]]] = {}
-        lost = []
-        for k, payload in enumerate(payloads[start : start + _ONES_AT_ONCE], start):
-            state = kind.decode(payload.tobytes())
-            if state is None:
-                lost.append(k)
-            else:
-                groups.setdefault((state.joints, state.velocity is None, state.effort is None), []).append((k, state))
-        for (joints, *_), members in groups.items():
-            which = np.array([k for k, _ in members])
-            states = [state for _, state in members]
-            velocity, effort = (
-                None if getattr(states[0], name) is None else np.array([getattr(state, name) for state in states])
-                for name in ("velocity", "effort")
-            )
-            stamp = np.array([state.stamp for state in states], dtype=np.int64)
-            position = np.array([state.position for state in states])
-            yield places[which], Block(joints, stamp, log_times[which], position, velocity, effort)
-        if not groups:
-            # So many in a row are of another kind altogether.
-            yield places[start:], None
-            return
-        if lost:
-            yield places[np.array(lost)], None
-
-
-def _in_bulk(known: joint_state.Layout, payloads: np.ndarray, log_times: np.ndarray) -> Block:
-    rows = joint_state.rows(known, payloads)
-    names = known.fields.names or ()
-    velocity, effort = (rows[name] if name in names else None for name in ("velocity", "effort"))
-    return Block(known.joints, joint_state.stamps(rows), log_times, rows["position"], velocity, effort)
-
-
-def _layout_of(
-    message: bytes, layouts: list[joint_state.Layout], parse: Callable[[bytes], joint_state.Layout | None]
-) -> joint_state.Layout | None:
-    """The message's layout, found among those already seen or added to them."""
-    row = np.frombuffer(message, dtype=np.uint8)[None]
-    for known in layouts:
-        if known.template.size == len(message) and joint_state.matches(known, row)[0]:
-            return known
-    parsed = parse(message)
-    if parsed is not None:
-        layouts.insert(0, parsed)
-        del layouts[_LAYOUTS_KEPT:]
-    return parsed
 
 
 def _choose(source: Path, found: _Gathered, findings: list[str]) -> Series:

@@ -15,8 +15,9 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 from identify.errors import LogError
 from identify.logs.damage import Damage, describe
 from identify.logs.files import growing
+from identify.logs.mcap_content import Batch
 from identify.logs.mcap_file import McapFile
-from identify.logs.mcap_records import Batch, is_mcap, profile, records
+from identify.logs.mcap_records import is_mcap, profile, records
 from identify.logs.wording import counted, printable
 
 

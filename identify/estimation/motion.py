@@ -124,7 +124,8 @@ def motion_pieces(log: Log, cutoff: float) -> Iterator[tuple[slice, Motion]]:
         around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
         position = log.position[around] if regular else resampled(log, time[around], log.position)[0]
         inside = slice(rows.start - around.start, rows.stop - around.start)
-        yield rows, Motion(time[rows], *(x[inside] for x in differentiated(position, cutoff, rate)), rate)
+        q, dq, ddq = differentiated(position, cutoff, rate)
+        yield rows, Motion(time[rows], q[inside], dq[inside], ddq[inside], rate)
 
 
 def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:

@@ -26,11 +26,11 @@ WHY_NOT = {
 }
 
 
-def speed_of(log: Log) -> np.ndarray:
-    """(N, n) measured velocity where the log has it, else central differences of the position low-passed at 20 Hz."""
+def speed_of(log: Log, joints: slice = slice(None)) -> np.ndarray:
+    """(N, joints) measured velocity where the log has it, else central differences of the position low-passed at 20 Hz."""
     if log.velocity is not None:
-        return log.velocity
-    return np.gradient(low_pass(log.position, SPEED_CUTOFF_HZ, log.rate_hz), log.time, axis=0)
+        return log.velocity[:, joints]
+    return np.gradient(low_pass(log.position[:, joints], SPEED_CUTOFF_HZ, log.rate_hz), log.time, axis=0)
 
 
 def relative(measured: np.ndarray, predicted: np.ndarray) -> float | None:
@@ -50,40 +50,44 @@ def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot)
     RMSE in N·m or N, residuals in percent. Each log is filtered on its own. rmse and moving_rmse are over every sample,
     the latter with rows at rest set to zero before the filter; rest_rmse is that of the samples at rest.
     """
-    parts = [_filtered(log, hat) for log, hat in zip(logs, predictions, strict=True)]
-    tau, guess, tau_moving, guess_moving, moves = (np.concatenate(x) for x in zip(*parts, strict=True))
-    error, moving_error = tau - guess, tau_moving - guess_moving
     joints = []
+    # Squared norms of error and effort, over all samples and moving: one joint at a time, as a log may be long.
+    norms = np.zeros((2, 2))
     for j, joint in enumerate(robot.joints):
-        still = ~moves[:, j]
+        parts = [_filtered(log, hat, slice(j, j + 1)) for log, hat in zip(logs, predictions, strict=True)]
+        tau, guess, tau_moving, guess_moving, moves = (np.concatenate(x)[:, 0] for x in zip(*parts, strict=True))
+        error, moving_error = tau - guess, tau_moving - guess_moving
+        norms += [[error @ error, tau @ tau], [moving_error @ moving_error, tau_moving @ tau_moving]]
         joints.append(
             {
                 "joint": joint.name,
                 "unit": joint.effort_unit,
-                "rmse": _rms(error[:, j]),
-                "relative_residual_percent": relative(tau[:, j], guess[:, j]),
-                "moving_relative_residual_percent": relative(tau_moving[:, j], guess_moving[:, j]),
-                "moving_rmse": _rms(moving_error[:, j]) if moves[:, j].any() else None,
-                "rest_rmse": _rms(error[still, j]) if still.any() else None,
-                "max_abs_error": float(np.abs(error[:, j]).max()),
-                "std_of_signal": float(tau[:, j].std()),
-                "rest_share_percent": float(100 * still.mean()),
+                "rmse": _rms(error),
+                "relative_residual_percent": relative(tau, guess),
+                "moving_relative_residual_percent": relative(tau_moving, guess_moving),
+                "moving_rmse": _rms(moving_error) if moves.any() else None,
+                "rest_rmse": _rms(error[~moves]) if not moves.all() else None,
+                "max_abs_error": float(np.abs(error).max()),
+                "std_of_signal": float(tau.std()),
+                "rest_share_percent": float(100 * (~moves).mean()),
             }
         )
+    whole, moving = (float(100 * np.sqrt(error / size)) if size > 0 else None for error, size in norms)
     total = {
-        "relative_residual_percent": relative(tau, guess),
-        "moving_relative_residual_percent": relative(tau_moving, guess_moving),
+        "relative_residual_percent": whole,
+        "moving_relative_residual_percent": moving,
         "per_joint": [explained(joint, WHY_NOT) for joint in joints],
         "duration_s": float(sum(log.duration for log in logs)),
     }
     return explained(total, WHY_NOT)
 
 
-def _filtered(log: Log, predicted: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Measured and predicted effort low-passed, both again with rows at rest zero, and which rows move; all (N, n)."""
+def _filtered(log: Log, predicted: np.ndarray, joints: slice) -> tuple[np.ndarray, ...]:
+    """Of these joints: measured and predicted effort low-passed, both with rows at rest zero, and which rows move."""
     assert log.effort is not None
     # The rule interpolates whatever the clock; figures then agree to the last digit.
-    _, (effort, hat, speed), rate = uniform(log, log.effort, predicted, speed_of(log), jitter=0.0)
+    channels = (log.effort[:, joints], predicted[:, joints], speed_of(log, joints))
+    _, (effort, hat, speed), rate = uniform(log, *channels, jitter=0.0)
     cutoff = min(CUTOFF_HZ, 0.4 * rate)
     moves = np.abs(speed) > STILL
     smooth = [low_pass(x, cutoff, rate) for x in (effort, hat, effort * moves, hat * moves)]

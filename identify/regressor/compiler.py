@@ -14,6 +14,7 @@ import stat
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -125,16 +126,19 @@ def _compiled(source: str, compiler: Compiler, folder: Path, key: str) -> Path:
 
 
 def _tidy(folder: Path, newest: Path) -> None:
-    """Remove the libraries not used for longest."""
+    """Remove the libraries not used for longest, and what compilations that were killed left behind."""
     ages: list[tuple[float, Path]] = []
-    for file in folder.glob("*.so"):
+    for file in (*folder.glob("*.so"), *folder.glob("part-*")):
         try:
             ages.append((file.stat().st_mtime, file))
         except FileNotFoundError:
             continue  # another process tidies too
-    for _, file in sorted(ages)[: max(0, len(ages) - KEPT)]:
-        if file != newest:
-            file.unlink(missing_ok=True)
+    libraries = sorted((age, file) for age, file in ages if file.suffix == ".so" and file != newest)
+    for _, file in libraries[: max(0, len(libraries) + 1 - KEPT)]:
+        file.unlink(missing_ok=True)
+    for age, part in ages:
+        if part.suffix != ".so" and age < time.time() - 10 * PATIENCE_S:
+            shutil.rmtree(part, ignore_errors=True)
 
 
 @lru_cache(maxsize=1)

@@ -7,6 +7,7 @@ import shutil
 import stat
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -235,11 +236,17 @@ def test_two_processes_may_compile_at_once(cache: Path) -> None:
 @needs_compiler
 def test_the_cache_stays_small(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "KEPT", 3)
+    cache.mkdir(mode=0o700)
+    for name, age in (("part-killed", 1e5), ("part-at-work", 0.0)):
+        (cache / name).mkdir()
+        (cache / name / "kernel.c").touch()
+        os.utime(cache / name, (time.time() - age,) * 2)
     for k in range(5):
         library(f"int answer(void) {{ return {k}; }}\n", compiler())
         for file in libraries(cache):
             os.utime(file, (file.stat().st_mtime - 10,) * 2)
     assert len(libraries(cache)) == 3
+    assert [path.name for path in cache.glob("part-*")] == ["part-at-work"]
     last = library("int answer(void) { return 4; }\n", compiler(), compile=False)
     assert last is not None
     assert last.answer() == 4

@@ -78,15 +78,14 @@ def symbolic_direct_dynamics(robot: Robot) -> SymbolicModel:
     import sympy
 
     n = robot.n
-    statements = short_statements(equations(Graph(), robot), velocities(robot))
-    constant = {name: e for name, e in statements.items() if not e.free_symbols}
-    a = [
-        [constant.get(entry_name("A", n, i, k), sympy.Symbol(entry_name("A", n, i, k))) for k in range(n)]
-        for i in range(n)
-    ]
-    effort = [sympy.Symbol(f"tau{j + 1}") - sympy.Symbol(f"H{j + 1}") for j in range(n)]
-    statements, parameters = assembled(robot, statements)
     lengths = {name for name, _ in letters(robot)}
+    system = equations(Graph(), robot)
+    own = {name: f"{name}_" if name in lengths else name for name in system}
+    statements = short_statements({own[name]: e for name, e in system.items()}, velocities(robot))
+    symbols = {name: statements[new] if statements[new] == 0 else sympy.Symbol(new) for name, new in own.items()}
+    a = [[symbols[entry_name("A", n, min(i, k), max(i, k))] for k in range(n)] for i in range(n)]
+    effort = [sympy.Symbol(f"tau{j + 1}") - symbols[f"H{j + 1}"] for j in range(n)]
+    statements, parameters = assembled(robot, statements)
     solved = _renamed(solution(a, effort), {*statements, *(name for name, _ in parameters), *lengths})
     notes = (
         "ddq from A(q) ddq = tau - H(q, dq) [2.43]; H = C dq + Q + friction Fv dq + Fs sign(dq) + off",

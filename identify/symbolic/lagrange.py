@@ -39,7 +39,7 @@ from identify.symbolic.written_out import written_out
 if TYPE_CHECKING:
     pass
 
-TERMS = 150
+TERMS = 300
 """Terms that the entries of A may have together to be written out."""
 
 PARAMETERS = ("standard", "base")

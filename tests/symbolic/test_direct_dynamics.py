@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -20,6 +21,7 @@ from identify.robot.mjcf import depth_first, to_mjcf
 from identify.robot.robot import Robot
 from identify.symbolic.direct_dynamics import solution, symbolic_direct_dynamics
 from identify.symbolic.inverse_dynamics import symbolic_newton_euler
+from identify.symbolic.models import symbolic_model
 
 ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
@@ -71,6 +73,21 @@ def test_stored_accelerations_of_the_rx90() -> None:
     tau = np.array(known["tau_total"]) - known["tau_external"]
     found = printed(symbolic_direct_dynamics(rx90(known["RL4"])))(constants, q=known["q"], dq=known["qd"], tau=tau)
     np.testing.assert_allclose(found, known["qdd_from_tau_total"], rtol=0, atol=1e-12 * 2.1)
+
+
+def test_a_length_may_be_called_like_an_inner_variable() -> None:
+    """H1, say, or D2: the printed model keeps the length's name and takes another for its own."""
+    robot = some(0)
+    joints = tuple(
+        replace(joint, symbols=(("d", name), ("r", other)))
+        for joint, name, other in zip(robot.joints, ("H1", "A12", "W21"), ("b1", "d2", "t1"), strict=True)
+    )
+    rng = np.random.default_rng(1)
+    q, dq, tau = rng.uniform(-1.5, 1.5, (3, 3))
+    expected = printed(symbolic_direct_dynamics(robot))(q=q, dq=dq, tau=tau)
+    model = symbolic_model(replace(robot, joints=joints), "direct-dynamics")
+    assert {"H1", "A12", "t1"} <= dict(model.lengths).keys()
+    np.testing.assert_allclose(printed(model)(q=q, dq=dq, tau=tau), expected, rtol=1e-10)
 
 
 def test_branches_leave_no_fill_in() -> None:

@@ -18,6 +18,7 @@ _HOMES = {
     "excite": "identify.workflow",
     "simulate": "identify.workflow",
     "fit": "identify.workflow",
+    "export": "identify.workflow",
     "Identification": "identify.estimation.identification",
 }
 

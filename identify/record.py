@@ -19,6 +19,7 @@ from identify.estimation.reference import Reference
 from identify.estimation.scoring import explained
 from identify.logs.log import Log
 from identify.logs.triage import Findings
+from identify.regressor.columns import COUPLED
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Limits, Robot
 from identify.symbolic.formula import formula
@@ -171,9 +172,9 @@ def physical(
         "links": [row | {"min_eigenvalue": float(x), "pulled_to": kind} for row, x, kind in eigenvalues],
         "drives": [{"joint": joint.name, **asdict(joint.drive)} for joint in robot.joints],
         "transmission": [
-            {"name": column.name, "value": found.extra[column.name]}
-            for column in (regressor.extra.columns if regressor.extra else ())
-            if column.ratios
+            {"name": f"{kind}{k + 1}", "value": found.extra[f"{kind}{k + 1}"]}
+            for k, _ in robot.couplings
+            for kind in COUPLED
         ],
         "parameters": [float(x) for x in found.parameters],
         "cost": {"chi_squared": found.cost, "effective_samples": estimate.effective_samples},

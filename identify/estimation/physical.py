@@ -17,12 +17,16 @@ import numpy as np
 
 from identify.errors import InputError
 from identify.estimation.reference import Reference
+from identify.regressor.columns import JointColumns
 from identify.regressor.regressor import Regressor
 
 PULL = 1e-3
 """Weight of the pull: a body twice its reference adds this much to the cost, in which one σ of a parameter adds 1."""
 
-LEAST = 1e-3
+LEFT_OUT = 30.0
+"""How much harder columns that the regressor left out are pulled to nothing: they serve where no body can."""
+
+LEAST = 1e-5
 """Share of its reference body that every link keeps: P ⪰ LEAST·P₀, which is ≻ 0."""
 
 PRECISION = 1e-8
@@ -38,11 +42,12 @@ WIDTH = 11
 class Consistent:
     """Standard parameters that physics allows, and what they cost.
 
-    standard (11 n,) in the order of Robot.standard_names; extra {column: value} of friction, offset and transmission;
-    parameters (p,) = θ of both, in the order of Regressor.names. cost: δᵀ·Λ·δ with δ how far they are from the
-    estimate and Λ its information matrix, so that one parameter off by one standard deviation costs 1; pull: how far
-    links and actuators are from their references, unweighted. eigenvalues (n,): smallest of each link's
-    pseudo-inertia, SI. primal_residual, dual_residual, gap, iterations, seconds: the solver's own account.
+    standard (11 n,) in the order of Robot.standard_names; extra {column: value} of friction, offset and transmission,
+    those included that the regressor left out; parameters (p,) = θ of both, in the order of Regressor.names.
+    cost: δᵀ·Λ·δ with δ how far they are from the estimate and Λ its information matrix, so that one parameter off by
+    one standard deviation costs 1; pull: how far links, actuators and columns left out are from their references,
+    unweighted. eigenvalues (n,): smallest of each link's pseudo-inertia, SI. primal_residual, dual_residual, gap,
+    iterations, seconds: the solver's own account.
     """
 
     standard: np.ndarray
@@ -80,10 +85,10 @@ def nearest_consistent(
     [kg], infinite where there is none. InputError for bounds that no mass meets or if the solver finds no solution.
     """
     problem = _Problem(regressor, estimate, information, reference, pull)
-    solution, unknowns = _solve(problem, mass_bounds)
+    solution, unknowns, size = _solve(problem, mass_bounds)
     standard, extra = problem.read(unknowns)
     parameters = regressor.theta(standard, extra)
-    apart = (unknowns - problem.centre)[: 11 * regressor.robot.n]
+    apart = (unknowns - problem.centre)[problem.pulled > 0]
     return Consistent(
         standard=standard,
         extra=extra,
@@ -93,7 +98,7 @@ def nearest_consistent(
         eigenvalues=smallest_eigenvalues(standard),
         primal_residual=float(solution.r_prim),
         dual_residual=float(solution.r_dual),
-        gap=float(abs(solution.obj_val - solution.obj_val_dual)),
+        gap=float(size**2 * abs(solution.obj_val - solution.obj_val_dual)),
         iterations=int(solution.iterations),
         seconds=float(solution.solve_time),
     )
@@ -103,7 +108,8 @@ class _Problem:
     """The estimate in unknowns of order one.
 
     Per link the pseudo-inertia in units of its reference, L⁻¹·P·L⁻ᵀ as a triangle of ten with off-diagonals times √2,
-    then the actuator inertias in units of theirs, then friction and transmission in units of their estimates.
+    then the actuator inertias in units of theirs, then friction and transmission in units of their estimates. Columns
+    that the regressor left out are among these: the offset of a vertical slide is not to be taken for a mass.
     """
 
     def __init__(
@@ -115,27 +121,36 @@ class _Problem:
         pull: float,
     ) -> None:
         n, m = regressor.robot.n, len(regressor.base.names)
-        self.n, self.names = n, regressor.names[m:]
-        self.columns = regressor.extra.columns if regressor.extra else ()
+        self.n = n
+        every = JointColumns.of(regressor.robot).columns
+        kept = regressor.extra.columns if regressor.extra else ()
+        self.columns = (*kept, *(column for column in every if column.name in regressor.dropped))
+        self.names = tuple(column.name for column in self.columns)
         self.actuators = reference.actuators
         self.maps = np.array([_from_triangle(np.linalg.cholesky(body)) for body in reference.bodies])
         self.root = _root(information, estimate)
-        self.units = np.maximum(np.abs(estimate[m:]), 1 / np.linalg.norm(self.root, axis=0)[m:])
+        effects = np.eye(len(estimate), m + len(self.names))[:, m:]
+        for factors, effect in zip(regressor.dropped.values(), effects[:, len(kept) :].T, strict=True):
+            effect[[regressor.names.index(name) for name in factors]] = list(factors.values())
+        known = np.maximum(np.abs(estimate), 1 / np.linalg.norm(self.root, axis=0))
+        self.units = np.array([max(known[at] / abs(e[at]) for at in np.flatnonzero(e)) for e in effects.T])
         bases = regressor.base.matrix.reshape(m, n, WIDTH)
         links = np.einsum("pni,nik->pnk", bases[:, :, :10], self.maps).reshape(m, 10 * n)
         self.matrix = np.zeros((len(estimate), 11 * n + len(self.names)))
         self.matrix[:m, : 10 * n] = links
         self.matrix[:m, 10 * n : 11 * n] = bases[:, :, 10] * self.actuators
-        self.matrix[m:, 11 * n :] = np.diag(self.units)
-        self.pulled = np.zeros(self.matrix.shape[1])
-        self.pulled[: 11 * n] = np.sqrt(pull)
+        self.matrix[:, 11 * n :] = effects * self.units
+        self.pulled = np.full(self.matrix.shape[1], np.sqrt(pull))
+        self.pulled[11 * n : 11 * n + len(kept)] = 0.0
+        self.pulled[11 * n + len(kept) :] *= LEFT_OUT
         self.centre = np.concatenate([np.tile(_EYE, n), np.ones(n), np.zeros(len(self.names))])
         self.estimate = estimate
 
     def read(self, unknowns: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
         """Standard parameters (11 n,) and friction and transmission by name; what may not be negative is not."""
         n = self.n
-        links = np.einsum("nik,nk->ni", self.maps, unknowns[: 10 * n].reshape(n, 10))
+        bodies = np.array([_raised(triangle) for triangle in unknowns[: 10 * n].reshape(n, 10)])
+        links = np.einsum("nik,nk->ni", self.maps, bodies)
         actuators = np.maximum(unknowns[10 * n : 11 * n], 0.0) * self.actuators
         extra = dict(zip(self.names, (unknowns[11 * n :] * self.units).tolist(), strict=True))
         kept = {name: max(value, 0.0) if _kind(name) in NOT_NEGATIVE else value for name, value in extra.items()}
@@ -174,8 +189,8 @@ class _Problem:
         return row
 
 
-def _solve(problem: _Problem, mass_bounds: np.ndarray | None) -> tuple[Any, np.ndarray]:
-    """Clarabel's account, and the unknowns.
+def _solve(problem: _Problem, mass_bounds: np.ndarray | None) -> tuple[Any, np.ndarray, float]:
+    """Clarabel's account, the unknowns, and the unit of the root of its objective.
 
     It counts from the unconstrained optimum, where the objective is what the constraints cost and nothing else.
     """
@@ -185,7 +200,7 @@ def _solve(problem: _Problem, mass_bounds: np.ndarray | None) -> tuple[Any, np.n
     stacked = np.vstack([problem.root @ problem.matrix, np.diag(problem.pulled)])
     wanted = np.concatenate([problem.root @ problem.estimate, problem.pulled * problem.centre])
     start = np.linalg.lstsq(stacked, wanted, rcond=None)[0]
-    n, size = problem.n, len(start)
+    n = problem.n
     rows, least = [problem.not_negative()], [np.zeros(len(problem.not_negative()))]
     if mass_bounds is not None:
         masses, bounds = problem.masses(), np.asarray(mass_bounds, dtype=float)
@@ -199,17 +214,21 @@ def _solve(problem: _Problem, mass_bounds: np.ndarray | None) -> tuple[Any, np.n
     # unknowns = start + stretch @ w turns the objective into ‖w‖², whatever the spread of what is known how well.
     triangle = np.linalg.qr(stacked, mode="r")
     stretch = np.linalg.inv(triangle)
-    # Minimise ½ wᵀ2w with b − A w in the cones.
-    constraints = sparse.csc_matrix(np.vstack([-linear @ stretch, -stretch[: 10 * n]]))
+    # Minimise ½ vᵀ2v with b − A v in the cones, w = size·v.
+    constraints = np.vstack([-linear @ stretch, -stretch[: 10 * n]])
     right = np.concatenate([linear @ start - floor, start[: 10 * n] - np.tile(LEAST * _EYE, n)])
     cones = [clarabel.NonnegativeConeT(len(linear)), *(clarabel.PSDTriangleConeT(4) for _ in range(n))]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    hessian = 2 * sparse.eye(size, format="csc")
-    solution = clarabel.DefaultSolver(hessian, np.zeros(size), constraints, right, cones, settings).solve()
-    if str(solution.status) not in ("Solved", "AlmostSolved"):
-        raise InputError(f"no possible robot was found near the estimate: the solver ended with {solution.status}")
-    return solution, start + stretch @ np.array(solution.x)
+    hessian = 2 * sparse.eye(len(start), format="csc")
+    # The references are a solution, if not the best: should the solver lose its way, they say how large w may be.
+    largest = float(np.linalg.norm(triangle @ (problem.centre - start)))
+    for size in (1.0, np.sqrt(max(largest, 1.0)), max(largest, 1.0)):
+        matrix = sparse.csc_matrix(size * constraints)
+        solution = clarabel.DefaultSolver(hessian, np.zeros(len(start)), matrix, right, cones, settings).solve()
+        if str(solution.status) in ("Solved", "AlmostSolved"):
+            return solution, start + size * stretch @ np.array(solution.x), size
+    raise InputError(f"no possible robot was found near the estimate: the solver ended with {solution.status}")
 
 
 def smallest_eigenvalues(standard: np.ndarray) -> np.ndarray:
@@ -229,6 +248,17 @@ def pseudo_inertias(standard: np.ndarray) -> np.ndarray:
             [mx, my, mz, mass],
         ]
     return result
+
+
+def _raised(triangle: np.ndarray) -> np.ndarray:
+    """(10,) the triangle with what the solver's precision left below LEAST raised to it."""
+    scale = np.where(_EYE > 0, 1.0, np.sqrt(0.5))
+    body = np.zeros((4, 4))
+    body[_UPPER[1], _UPPER[0]] = body[_UPPER] = triangle * scale
+    values, axes = np.linalg.eigh(body)
+    if values[0] >= LEAST:
+        return triangle
+    return ((axes * np.maximum(values, LEAST)) @ axes.T)[_UPPER] / scale
 
 
 def _from_triangle(factor: np.ndarray) -> np.ndarray:

@@ -19,19 +19,11 @@ import numpy as np
 from identify.robot.robot import Drive, Limits, Link, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import exact_cos_sin
-from identify.symbolic.customised import (
-    MX,
-    MY,
-    SECOND_MOMENTS,
-    Form,
-    Forms,
-    Motion,
-    can_merge,
-    customised_torque,
-    turn_symbol,
-)
+from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
+from identify.symbolic.form import Form, Forms, can_merge, turn_symbol
 from identify.symbolic.operations import count, lifted, varying
+from identify.symbolic.second_moments import MX, MY, SECOND_MOMENTS
 from identify.symbolic.simplification import simplified
 
 PRICE = {"Ia": 2, "SXX": 3, "SYY": 3, "SXZ": 5, "SYZ": 5, "SXY": 6, "MX": 8, "MY": 8, "SZZ": 9, "M": 20, "MZ": 30}

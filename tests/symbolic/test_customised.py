@@ -15,8 +15,9 @@ from symbolic_models import function_of, states, tilted
 from identify.robot.library import load_robot
 from identify.robot.robot import Joint, Robot
 from identify.symbolic.base_parameters import base_parameters
-from identify.symbolic.customised import Form, Forms, Motion, customised_torque
+from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, evaluate
+from identify.symbolic.form import Form, Forms
 from identify.symbolic.operation_table import is_chapters_robot, operations, symmetric_absent, table
 from identify.symbolic.operations import Operations
 from identify.symbolic.representative import customised_model, representative, standard_from_second_moments

@@ -85,7 +85,7 @@ def symbolic_direct_dynamics(robot: Robot) -> SymbolicModel:
     symbols = {name: statements[new] if statements[new] == 0 else sympy.Symbol(new) for name, new in own.items()}
     a = [[symbols[entry_name("A", n, min(i, k), max(i, k))] for k in range(n)] for i in range(n)]
     effort = [sympy.Symbol(f"tau{j + 1}") - symbols[f"H{j + 1}"] for j in range(n)]
-    statements, parameters = assembled(robot, statements)
+    statements, parameters = assembled(robot, {name: e for name, e in statements.items() if e != 0})
     solved = _renamed(solution(a, effort), {*statements, *(name for name, _ in parameters), *lengths})
     notes = (
         "ddq from A(q) ddq = tau - H(q, dq) [2.43]; H = C dq + Q + friction Fv dq + Fs sign(dq) + off",

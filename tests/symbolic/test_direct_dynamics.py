@@ -12,7 +12,7 @@ import oracle
 import pinocchio as pin
 import pytest
 import sympy
-from arms import rx90
+from arms import SCARA, rx90
 from chains import random_chain
 from printed_models import printed
 from symbolic_models import tilted
@@ -88,6 +88,13 @@ def test_a_length_may_be_called_like_an_inner_variable() -> None:
     model = symbolic_model(replace(robot, joints=joints), "direct-dynamics")
     assert {"H1", "A12", "t1"} <= dict(model.lengths).keys()
     np.testing.assert_allclose(printed(model)(q=q, dq=dq, tau=tau), expected, rtol=1e-10)
+
+
+def test_nothing_is_computed_that_nobody_reads() -> None:
+    """A SCARA's A has zeros: a C compiler would complain of variables without a reader."""
+    model = symbolic_direct_dynamics(SCARA)
+    read = {s.name for e in model.expressions.values() for s in e.free_symbols} | set(model.results[0].entries)
+    assert set(model.expressions) <= read
 
 
 def test_branches_leave_no_fill_in() -> None:

@@ -13,6 +13,7 @@ from identify.logs.files import replacing
 from identify.logs.log import Log
 
 _TIME_DECIMALS = 9
+_BLOCK = 1 << 13
 
 
 def save(
@@ -52,9 +53,12 @@ def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
 
 def write_table(path: str | os.PathLike[str], header: list[str], time: np.ndarray, *columns: np.ndarray) -> None:
     """Write a comma-separated table: time (N,) [s] with at least 9 decimals, then columns (N, k), both exactly."""
-    values = np.column_stack([*columns]).astype(float).tolist()
-    seconds = (np.format_float_positional(t, unique=True, min_digits=_TIME_DECIMALS) for t in time.tolist())
     with replacing(path) as stream:
         stream.write((",".join(header) + "\n").encode())
-        for t, row in zip(seconds, values, strict=True):
-            stream.write(f"{t},{','.join(map(repr, row))}\n".encode())
+        # In blocks, as a number takes four times the room once Python holds it.
+        for start in range(0, len(time), _BLOCK):
+            part = slice(start, start + _BLOCK)
+            values = np.column_stack([column[part] for column in columns]).astype(float).tolist()
+            seconds = (np.format_float_positional(t, unique=True, min_digits=_TIME_DECIMALS) for t in time[part])
+            lines = (f"{t},{','.join(map(repr, row))}\n" for t, row in zip(seconds, values, strict=True))
+            stream.write("".join(lines).encode())

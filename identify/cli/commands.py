@@ -110,10 +110,13 @@ def import_log(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """What a log holds, what is odd about it, and whether it can support a fit."""
+    if options.html:
+        check_file(options.html, (".html",), options.force, [options.log, options.map or ""])
     from identify.logs.reading import read_log
     from identify.logs.triage import inspect as look_over
     from identify.logs.triage import refusals
 
+    robot = None
     if options.robot is None:
         log = read_log(options.log, options.map, None, options.topic)
         found = look_over(log)
@@ -125,14 +128,28 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         log = read_log(options.log, options.map, robot.joint_names, options.topic)
         (found,) = workflow.looked_over([log], robot)
     reasons = refusals(found)
+    if options.html:
+        from identify.logs.files import replacing
+        from identify.report.inspection import inspection_page
+
+        page = inspection_page(found, log, reasons, robot)
+        with parents_of(options.html), replacing(options.html) as stream:
+            stream.write(page.encode())
     if options.json:
         _print_json({**found.as_dict(), "can_support_a_fit": not reasons, "reasons": reasons})
         return 0
     print(found.summary())
     print()
+    if options.picture or sys.stdout.isatty():
+        from identify.report.terminal import picture
+
+        print(picture(log))
+        print()
     print("can't support a fit:" if reasons else "nothing here speaks against a fit")
     for reason in reasons:
         print(f"- {reason}")
+    if options.html:
+        print(f"page: {options.html}")
     return 0
 
 

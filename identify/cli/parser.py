@@ -173,7 +173,8 @@ def _inspect(commands: Any) -> None:
         "inspect",
         "look a log over before anything is computed",
         "What the log holds, joint by joint, what is odd about it, and whether it can support a fit. With --robot,\n"
-        "its joints are looked for and its limits held against the motion.",
+        "its limits and a quick fit of its dynamics are held against the log: signs, swaps, units, delays.\n"
+        "In a terminal, every joint's curves are drawn.",
         "identify inspect run.mcap --robot rx90",
     )
     command.add_argument("log", metavar="LOG", help=_LOG)
@@ -181,6 +182,9 @@ def _inspect(commands: Any) -> None:
     _chosen(command)
     command.add_argument("--map", metavar="MAP.toml", help=_MAP)
     _topic(command)
+    command.add_argument("--picture", action="store_true", help="draw the curves even where the output is no terminal")
+    command.add_argument("--html", metavar="FILE", type=_path, help="write a page with findings and curves")
+    command.add_argument("--force", action="store_true", help="replace FILE where it exists")
     _json(command)
 
 

@@ -147,7 +147,7 @@ def _of_clipping(what: str, joint: str, x: np.ndarray) -> list[Finding]:
         into, out = step[starts - 1], step[starts + lengths - 1]
         sharp = (lengths >= CLIPPED_LEAST) & (np.maximum(into, out) > 0.25 * usual)
         # An encoder that dwells on its last count does so on the one before as well.
-        inside = x[(x != end) & (np.abs(x - end) <= (usual or 0.0))]
+        inside = x[(x != end) & (np.abs(x - end) <= 1.5 * usual)]
         near = int(np.unique(inside, return_counts=True)[1].max()) if len(inside) else 0
         clipped = int(lengths[sharp].sum())
         if clipped > max(CLIPPED_SHARE * len(x), 5 * near):

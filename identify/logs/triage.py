@@ -37,8 +37,6 @@ AT_LIMIT_SHARE = 1e-3
 """Share of the samples at the limit from which an effort is saturated."""
 LEAST_EFFORT = 0.01
 """Share of its limit that the effort of one joint at least exceeds in any motion that is worth a fit."""
-_SPARKS = "▁▂▃▄▅▆▇█"
-_SPARK_LENGTH = 32
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,6 @@ class JointFacts:
     effort_max: float | None
     rest_share: float
     repeated_share: float
-    sparkline: str
 
     @property
     def position_range(self) -> float:
@@ -122,19 +119,19 @@ class Findings:
 
     def summary(self) -> str:
         """A page of text for the terminal."""
-        even = f"steps of {1e3 * self.median_step:.3f} ms, the longest {1e3 * self.max_step:.3f} ms"
         lines = [
-            f"{self.source}: {counted(self.samples, 'sample')}, {self.duration:.3f} s, {self.rate_hz:.1f} Hz ({even})",
-            f"{self.motion:.1f} s in motion; velocity {_given(self.has_velocity)}, effort {_given(self.has_effort)}; "
+            f"{self.source}: {counted(self.samples, 'sample')}, {self.duration:.3f} s, {self.rate_hz:.1f} Hz",
+            f"steps of {1e3 * self.median_step:.3f} ms, the longest {1e3 * self.max_step:.3f} ms; "
             f"{counted(self.dropped, 'row')} dropped, {counted(self.gaps, 'gap')}",
+            f"{self.motion:.1f} s in motion; velocity {_given(self.has_velocity)}, effort {_given(self.has_effort)}",
             "",
-            f"{'joint':<16} {'position':^19} {'max speed':>9} {'effort':^19} {'at rest':>7}  motion",
+            f"{'joint':<16} {'position':^19} {'max speed':>9} {'effort':^19} {'at rest':>7}",
         ]
         for facts in self.joints:
             effort = "" if facts.effort_min is None else f"{facts.effort_min:9.3f} {facts.effort_max:9.3f}"
             lines.append(
                 f"{facts.joint:<16} {facts.position_min:9.3f} {facts.position_max:9.3f} {facts.max_speed:9.3f} "
-                f"{effort:19} {100 * facts.rest_share:5.0f} %  {facts.sparkline}"
+                f"{effort:19} {100 * facts.rest_share:5.0f} %"
             )
         return "\n".join([*lines, "", *(self.told() or ["- nothing odd was found"])])
 
@@ -233,7 +230,7 @@ def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
     position = log.position[:, j]
     finite = position[np.isfinite(position)]
     if not len(finite):
-        return JointFacts(log.joints[j], math.nan, math.nan, math.nan, None, None, 1.0, 1.0, "")
+        return JointFacts(log.joints[j], math.nan, math.nan, math.nan, None, None, 1.0, 1.0)
     effort = np.empty(0) if log.effort is None else log.effort[:, j]
     effort = effort[np.isfinite(effort)]
     rest = np.abs(speed) <= REST_SPEED
@@ -247,7 +244,6 @@ def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
         effort_max=float(effort.max()) if len(effort) else None,
         rest_share=float(rest.mean()),
         repeated_share=float(repeated.mean()) if len(repeated) else 0.0,
-        sparkline=_sparkline(finite),
     )
 
 
@@ -325,17 +321,6 @@ def _beyond(fact: JointFacts, limits: Limits) -> list[Finding]:
     if largest > (1 + LIMIT_TOLERANCE) * limits.effort:
         found.append(f"{fact.joint} shows an effort of {largest:.3f}, beyond its limit {limits.effort:g}")
     return [Finding("beyond limits", WARNING, text, KEPT, (fact.joint,)) for text in found]
-
-
-def _sparkline(values: np.ndarray) -> str:
-    """A curve of block characters from the lowest to the highest value."""
-    parts = np.array_split(values, min(_SPARK_LENGTH, len(values)))
-    means = np.array([part.mean() for part in parts])
-    span = np.ptp(values)
-    if span == 0:
-        return _SPARKS[0] * len(parts)
-    levels = np.clip((means - values.min()) / span * len(_SPARKS), 0, len(_SPARKS) - 1).astype(int)
-    return "".join(_SPARKS[level] for level in levels)
 
 
 def _given(present: bool) -> str:

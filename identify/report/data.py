@@ -25,7 +25,7 @@ DONE = (
 def section(record: Record) -> Section:
     """Coverage of the limits, condition number in words, the logs, what was found in them and what was done."""
     rows = [row for row in items(record, "coverage", "per_joint") if isinstance(row, Mapping)]
-    body = _logs(record)
+    body = _logs(record) + _triage(record)
     if rows:
         robot = joints(record)
         drawn = []
@@ -87,6 +87,20 @@ def _logs(record: Record) -> str:
     head = [("log", "text"), ("role", "text"), ("samples", "number"), ("rate" + unit("Hz"), "number")]
     head += [("duration" + unit("s"), "number"), ("origin", "text")]
     return table(head, rows, "Logs", notes) if rows else absent("No logs.", reason(record, "logs"))
+
+
+def _triage(record: Record) -> str:
+    """What was found in the logs, how bad it is, and what was done about it."""
+    rows = [
+        [
+            esc(short(part(log, "path"))),
+            *(esc(part(found, key) or "") for key in ("kind", "severity", "text", "action")),
+        ]
+        for log in items(record, "logs")
+        for found in items(log, "triage")
+    ]
+    head = [(title, "text") for title in ("log", "finding", "severity", "what was found", "what was done")]
+    return "<h3>Findings</h3>" + table(head, rows, "Findings in the logs") if rows else ""
 
 
 def _coverage_table(rows: Sequence[Mapping[str, Any]], robot: Sequence[Mapping[str, Any]]) -> str:

@@ -46,19 +46,26 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
             evidence.checks_section(clean),
             evidence.provenance_section(clean),
         ]
-    style = resources.files("identify.report").joinpath("style.css").read_text(encoding="utf-8")
     name = part(clean, "robot", "name") or "robot"
     links = "".join(f'<li><a href="#{s.key}">{s.title}</a></li>' for s in sections)
-    body, classes = _shared_styles(_body(sections, rejected(clean)))
+    main = (
+        f'{SPRITE}\n<main>\n{verdict.header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n'
+        f"{_body(sections, rejected(clean))}\n</main>"
+    )
+    return document(f"{name}: identified parameters", main)
+
+
+def document(title: str, body: str) -> str:
+    """A whole self-contained page of a title (plain text) and a body (HTML)."""
+    style = resources.files("identify.report").joinpath("style.css").read_text(encoding="utf-8")
+    body, classes = _shared_styles(body)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'\">\n"
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
-        f"<title>{esc(name)}: identified parameters</title>\n<style>\n{style}{classes}</style>\n"
-        f"</head>\n<body>\n{SPRITE}\n"
-        f'<main>\n{verdict.header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n{body}\n</main>\n'
-        "</body>\n</html>\n"
+        f"<title>{esc(title)}</title>\n<style>\n{style}{classes}</style>\n"
+        f"</head>\n<body>\n{body}\n</body>\n</html>\n"
     )
 
 

@@ -29,6 +29,7 @@ CERTAIN = 5.0
 """A delay is so many of its own standard errors long, those of its parts."""
 SHIFT_STEP_S = 0.005
 PARTS = 6
+POSES = 100
 WRONG_UNIT = 3.0
 """Ratio of effort and description, or its inverse, from which the effort is in another unit."""
 TOLD = 0.5
@@ -98,16 +99,14 @@ def check_log(log: Log, regressor: Regressor) -> list[Finding]:
     rows = rows_of(log)
     if rows is None or rows.counted.sum() <= 2 * regressor.p:
         return []
-    measured = rows.effort()
-    shift, findings = _delay(regressor, rows, log)
+    judged, findings = _readings(regressor, rows, rows.effort())
     if findings:
-        measured = rows.effort(shift)
-    judged, wrong = _readings(regressor, rows, measured)
-    findings += wrong or _unexplained(regressor, judged)
-    if not wrong:
-        findings += _units(regressor, rows, measured)
-        findings += _excitation(judged.equations, judged.residual, judged.equations.side(measured))
-    return findings
+        return findings
+    delay, findings = _delay(regressor, rows, judged.equations, log)
+    findings += [] if findings else _unexplained(regressor, judged)
+    measured = rows.effort(delay)
+    findings += _units(regressor, rows, measured)
+    return findings + _excitation(regressor, rows, judged.equations, judged.equations.side(measured))
 
 
 def _judge(regressor: Regressor, rows: Rows, measured: np.ndarray, reading: _Reading) -> _Judged:
@@ -189,59 +188,80 @@ def _unexplained(regressor: Regressor, judged: _Judged) -> list[Finding]:
     return [Finding("unexplained effort", WARNING, text, KEPT, tuple(names[j] for j in poor))]
 
 
-def _delay(regressor: Regressor, rows: Rows, log: Log) -> tuple[float, list[Finding]]:
-    """Delay of the effort behind the position [s], and what there is to say of it; later parts may have another."""
-    built = equations(regressor, rows)
+def _delay(regressor: Regressor, rows: Rows, built: Equations, log: Log) -> tuple[float, list[Finding]]:
+    """Delay of the effort behind the position that all joints share [s], and what there is to say of delays."""
+    names = regressor.robot.joint_names
     shifts = np.arange(-SHIFTS_S, SHIFTS_S + 1e-9, SHIFT_STEP_S)
     sides = [built.side(rows.effort(shift)) for shift in shifts]
     squares = np.array([float(r @ r) for r in map(built.residual, sides)])
-    common = _lowest(shifts, squares)
-    theta = np.linalg.lstsq(built.triangle, built.basis.T @ built.side(rows.effort(common)), rcond=None)[0]
-    left = [(b - built.matrix @ theta) ** 2 for b in sides]
-    at = np.concatenate([np.flatnonzero(column) for column in built.counted.T])
-    edges = np.linspace(0, len(rows.time), PARTS + 1)[1:-1]
-    part = np.searchsorted(edges, at, side="right")
-    by_part = np.array([np.bincount(part, one, PARTS) for one in left])
-    delays = np.array([_lowest(shifts, column) for column in by_part.T])
-    middles = np.array([x.mean() for x in np.array_split(rows.time, PARTS)])
-    step = float(np.median(np.diff(log.time)))
     none = squares[len(shifts) // 2]
-    # A clock that runs apart: a line through the parts' delays.
+    common = _lowest(shifts, squares)
+    step = float(np.median(np.diff(log.time)))
+    middles, delays, followed = _delays_of_parts(rows, built, sides, shifts, common)
+    # Clocks that run apart: a line through the parts' delays.
     line = np.polynomial.polynomial.polyfit(middles, delays, 1)
     rest = delays - np.polynomial.polynomial.polyval(middles, line)
     spread = np.sqrt(rest @ rest / (PARTS - 2) / ((middles - middles.mean()) ** 2).sum())
     drift = line[1] * np.ptp(middles)
-    followed = float(sum(np.interp(d, shifts, column) for d, column in zip(delays, by_part.T, strict=True)))
-    at_common = float(np.interp(common, shifts, squares))
-    if abs(line[1]) > CERTAIN * spread and abs(drift) > 2 * step and followed < BETTER * min(at_common, none):
-        text = (
-            f"position and effort have clocks apart: the effort's delay goes from {1e3 * delays[0]:.1f} to "
-            f"{1e3 * delays[-1]:.1f} ms through the log"
-        )
-        return common, [Finding("clock apart", WARNING, text, KEPT, regressor.robot.joint_names)]
+    least = min(float(np.interp(common, shifts, squares)), none)
+    if abs(line[1]) > CERTAIN * spread and abs(drift) > 2 * step and followed < BETTER * least:
+        ends = " to ".join(f"{1e3 * delay:.1f}" for delay in (delays[0], delays[-1]))
+        text = f"position and effort have clocks apart: the effort's delay goes from {ends} ms through the log"
+        return common, [Finding("clock apart", WARNING, text, KEPT, names)]
     error = float(np.std(delays, ddof=1) / np.sqrt(PARTS))
     if abs(common) > max(step, CERTAIN * error) and squares.min() < BETTER * none:
-        ahead = "behind" if common > 0 else "ahead of"
-        text = f"the effort is {1e3 * abs(common):.1f} ms {ahead} the position ({1e3 * error:.1f} ms standard error)"
-        return common, [Finding("delay", WARNING, text, f"{KEPT}; shift one of them", regressor.robot.joint_names)]
-    return 0.0, _delay_of_joints(regressor, built, left, shifts, step)
+        text = f"the effort is {_lag(common)} the position (standard error {1e3 * error:.2f} ms)"
+        return common, [Finding("delay", WARNING, text, f"{KEPT}; shift one of them", names)]
+    return 0.0, _delay_of_joint(names, built, sides, shifts, step)
 
 
-def _delay_of_joints(
-    regressor: Regressor, built: Equations, left: list[np.ndarray], shifts: np.ndarray, step: float
+def _delays_of_parts(
+    rows: Rows, built: Equations, sides: list[np.ndarray], shifts: np.ndarray, common: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Middle [s] and delay [s] of each of PARTS parts of the log, by one set of parameters, and what they leave."""
+    theta = built.parameters(built.side(rows.effort(common)))
+    predicted = built.matrix @ theta
+    at = np.concatenate([np.flatnonzero(column) for column in built.counted.T])
+    part = np.searchsorted(np.linspace(0, len(rows.time), PARTS + 1)[1:-1], at, side="right")
+    by_part = np.array([np.bincount(part, (b - predicted) ** 2, PARTS) for b in sides])
+    delays = np.array([_lowest(shifts, column) for column in by_part.T])
+    middles = np.array([x.mean() for x in np.array_split(rows.time, PARTS)])
+    left = sum(np.interp(delay, shifts, column) for delay, column in zip(delays, by_part.T, strict=True))
+    return middles, delays, float(left)
+
+
+def _delay_of_joint(
+    names: tuple[str, ...], built: Equations, sides: list[np.ndarray], shifts: np.ndarray, step: float
 ) -> list[Finding]:
-    """Joints whose effort alone comes late."""
-    findings = []
-    for j, name in enumerate(regressor.robot.joint_names):
-        own = np.array([float(one[built.joint == j].sum()) for one in left])
+    """The joint whose effort alone comes late, if there is one: the one whose shift explains most."""
+    none = sides[len(shifts) // 2]
+    whole = built.basis.T @ none
+    found = []
+    for j, name in enumerate(names):
+        own = built.joint == j
         if not own.any():
             continue
-        delay = _lowest(shifts, own)
-        if abs(delay) > max(step, SHIFT_STEP_S / 2) and own.min() < 0.5 * own[len(shifts) // 2]:
-            ahead = "behind" if delay > 0 else "ahead of"
-            text = f"the effort of {name} is {1e3 * abs(delay):.1f} ms {ahead} the position, other joints' is not"
-            findings.append(Finding("delay", WARNING, text, f"{KEPT}; shift one of them", (name,)))
-    return findings
+        # Only this joint's rows move: so do only their share of the projection and of the length.
+        others = whole - built.basis[own].T @ none[own]
+        length = float(none @ none - none[own] @ none[own])
+        squares = []
+        for b in sides:
+            projected = others + built.basis[own].T @ b[own]
+            squares.append(length + float(b[own] @ b[own] - projected @ projected))
+        y = np.array(squares)
+        delay = _lowest(shifts, y)
+        gain = y.min() / max(y[len(shifts) // 2], 1e-300)
+        if abs(delay) > max(step, SHIFT_STEP_S / 2) and gain < BETTER:
+            found.append((gain, name, delay))
+    if not found:
+        return []
+    _, name, delay = min(found)
+    text = f"the effort of {name} is {_lag(delay)} the position, that of the other joints is not"
+    return [Finding("delay", WARNING, text, f"{KEPT}; shift it", (name,))]
+
+
+def _lag(delay: float) -> str:
+    return f"{1e3 * abs(delay):.1f} ms {'behind' if delay > 0 else 'ahead of'}"
 
 
 def _lowest(x: np.ndarray, y: np.ndarray) -> float:
@@ -278,25 +298,53 @@ def _units(regressor: Regressor, rows: Rows, measured: np.ndarray) -> list[Findi
     return [Finding("effort unit", WARNING, text, f"{KEPT}; give its gain in a map", tuple(wrong))]
 
 
-def _excitation(built: Equations, residual: np.ndarray, b: np.ndarray) -> list[Finding]:
-    """Combinations of parameters whose standard deviation is larger than what they contribute on average.
+def _excitation(regressor: Regressor, rows: Rows, built: Equations, b: np.ndarray) -> list[Finding]:
+    """Joints whose inertia the motion does not tell, and parameters that noise drowns.
 
-    In columns of equal length the combination of the k-th singular vector has the standard deviation σ/s_k.
+    The mean inertia that a joint feels is linear in the parameters and positive on any robot: where it is not
+    CERTAIN standard deviations above zero, the joint's acceleration makes no effort that is seen. In columns of equal
+    length the combination of the k-th singular vector has the standard deviation σ/s_k, drowned where that is more
+    than the parameters contribute on average.
     """
     length = np.linalg.norm(built.matrix, axis=0)
     used = np.flatnonzero(length > 0)
-    _, sizes, vectors = np.linalg.svd(built.triangle[:, used] / length[used])
-    free = max(len(b) - len(used), 1)
-    sigma = np.sqrt(float(residual @ residual) / free)
+    triangle = built.triangle[:, used] / length[used]
+    residual = built.residual(b)
+    sigma = max(np.sqrt(float(residual @ residual) / max(len(b) - len(used), 1)), 1e-300)
     x = built.parameters(b)[used] * length[used]
-    typical = np.sqrt(float(np.mean(x**2)))
-    weak = np.flatnonzero(sigma > typical * sizes)
-    if not len(weak):
-        return []
-    # Parameters that lie more in the weak directions than outside them.
-    share = (vectors[weak] ** 2).sum(axis=0)
-    order = np.argsort(-share)
-    names = [built.names[used[k]] for k in order if share[k] > 0.5] or [built.names[used[k]] for k in order[:3]]
-    shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-    text = f"the motion tells {len(weak)} of {len(used)} combinations of parameters no better than noise: {shown}"
-    return [Finding("under-excited", WARNING, text, KEPT)]
+    _, sizes, vectors = np.linalg.svd(triangle, full_matrices=False)
+    findings = []
+    weak = np.flatnonzero(sigma * len(sizes) ** 0.5 > np.linalg.norm(x) * sizes)
+    if len(weak):
+        share = (vectors[weak] ** 2).sum(axis=0)
+        order = np.argsort(-share)
+        names = [built.names[used[k]] for k in order if share[k] > 0.5] or [built.names[used[k]] for k in order[:3]]
+        shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+        text = f"the motion tells {len(weak)} of {len(used)} combinations of parameters no better than noise: {shown}"
+        findings.append(Finding("under-excited", WARNING, text, KEPT))
+    weak_joints = []
+    for j, mean in enumerate(_mean_inertia(regressor, rows)):
+        if not built.counted[:, j].any():
+            continue
+        # Directions without information make the standard deviation infinite.
+        directions = vectors @ (mean[used] / length[used])
+        error = sigma * float(np.linalg.norm(directions / np.maximum(sizes, 1e-300)))
+        if mean[used] @ (x / length[used]) < CERTAIN * error:
+            weak_joints.append(regressor.robot.joint_names[j])
+    if weak_joints:
+        text = f"too little acceleration: the inertia at {', '.join(weak_joints)} can't be told from zero"
+        findings.append(Finding("under-excited", WARNING, text, f"{KEPT}; move faster", tuple(weak_joints)))
+    return findings
+
+
+def _mean_inertia(regressor: Regressor, rows: Rows) -> np.ndarray:
+    """(n, p): the inertia that each joint feels on average over the poses of the rows, per unit of each parameter."""
+    q = rows.q[:: max(1, len(rows.q) // POSES)]
+    rest = np.zeros_like(q)
+    still = regressor.torque(q, rest, rest)
+    means = []
+    for j in range(regressor.robot.n):
+        unit = rest.copy()
+        unit[:, j] = 1.0
+        means.append((regressor.torque(q, rest, unit) - still)[:, j].mean(axis=0))
+    return np.array(means)

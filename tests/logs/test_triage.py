@@ -43,9 +43,6 @@ def test_facts_of_a_known_motion():
     assert b.repeated_share == 0
     assert found.motion == pytest.approx(3.0, abs=0.05)
     assert found.findings == ()
-    assert a.sparkline.startswith("▅▅▅▅▅▅▅")
-    assert b.sparkline[0] == "▁"
-    assert "█" in b.sparkline
     require_identifiable(swing())
 
 
@@ -62,7 +59,7 @@ def test_text_and_json():
     text = found.summary()
     assert "swing: 4,000 samples, 3.999 s, 1000.0 Hz" in text
     assert "nothing odd was found" in text
-    assert found.joints[1].sparkline in text
+    assert max(map(len, text.splitlines())) <= 80
     values = json.loads(json.dumps(found.as_dict(), allow_nan=False))
     assert values["joints"][0]["position_max"] == found.joints[0].position_max
     assert values["joints"][1]["moves"] is True

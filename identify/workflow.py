@@ -241,14 +241,14 @@ def _identified(
     chosen = _chosen(both, model)
     estimate, settings = chosen.estimate, chosen.settings
     tell(0.7, "residuals and held-out logs")
-    figures = {
-        m.model: held_out.figures(regressor, train, m.estimate.parameters, m.settings)
-        for m in (both.torque, both.energy)
-        if m is not None
-    }
+    figures: dict[str, dict[str, Any]] = {}
+    predictions: list[np.ndarray] = []
+    for m in (both.torque, both.energy):
+        if m is not None:
+            figures[m.model], guesses = held_out.figures(regressor, train, m.estimate.parameters, m.settings)
+            predictions = guesses if m is chosen else predictions
     nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
     curves: dict[str, np.ndarray] = {}
-    predictions = figures[model][1]
     for k, (log, prediction) in enumerate(zip(train, predictions, strict=True)):
         curves |= held_out.curves(f"train{k}", regressor, log, prediction, estimate.parameters, settings)
     curves |= held_out.residual_autocorrelation(train[0], predictions[0])
@@ -272,13 +272,13 @@ def _identified(
     record = records.head(robot, model, train, test, command, triage) | {
         "estimator": chosen.estimator,
         **records.parameters(regressor, chosen, truth, nominal, prior_reason),
-        "fit": records.fit_figures(chosen, figures[model][0]),
+        "fit": records.fit_figures(chosen, figures[model]),
         "settings": records.settings(chosen, both.tried),
         "test": tests,
         "coverage": held_out.coverage(robot, train, settings),
         "models": records.models(
             both,
-            {name: figure for name, (figure, _) in figures.items()},
+            figures,
             agreement(both.torque.estimate, both.energy.estimate) if both.torque and both.energy else None,
         ),
         **physical,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identify.estimation.identification import predicted_effort
-from identify.estimation.motion import low_pass, motion_of
+from identify.estimation.motion import low_pass, motion_pieces
 from identify.estimation.scoring import CUTOFF_HZ, explained, scored, speed_of
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
@@ -71,16 +71,20 @@ def curves(
 ) -> dict[str, np.ndarray]:
     """Arrays for figures under `prefix`: at most CURVE_ROWS rows, efforts low-passed at 10 Hz. SI."""
     assert log.effort is not None
-    motion = motion_of(log, settings.position_cutoff_hz)
     rate = log.rate_hz
     step = max(1, int(np.ceil(log.samples / CURVE_ROWS)))
+    pieces = motion_pieces(log, settings.position_cutoff_hz)
+    motion = [np.stack([m.q, m.dq, m.ddq])[:, -rows.start % step :: step] for rows, m in pieces]
     friction = parameters.copy()
     friction[len(regressor.base.names) :] = 0.0
-    rigid = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, friction)
+    rigid = predicted_effort(regressor, log, friction, settings)
     rows = slice(None, None, step)
     smooth = {"measured": log.effort, "predicted": prediction, "rigid": rigid}
-    result = {name: low_pass(x, CUTOFF_HZ, rate)[rows] for name, x in smooth.items()}
-    result |= {"position": motion.q[rows], "velocity": motion.dq[rows], "acceleration": motion.ddq[rows]}
+    # One joint at a time, as a log may be long.
+    result = {
+        name: np.column_stack([low_pass(column, CUTOFF_HZ, rate)[rows] for column in x.T]) for name, x in smooth.items()
+    }
+    result |= zip(("position", "velocity", "acceleration"), np.concatenate(motion, axis=1), strict=True)
     stored = {f"{prefix}/{name}": x.astype(np.float32) for name, x in result.items()}
     return stored | {f"{prefix}/time": log.time[rows], f"{prefix}/moving": (np.abs(speed_of(log)) > STILL)[rows]}
 
@@ -89,9 +93,13 @@ def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.n
     """Autocorrelation (L, n) over lag (L,) [s] of the low-passed residual, rows at rest set to zero."""
     assert log.effort is not None
     rate = log.rate_hz
-    error = low_pass((log.effort - prediction) * (np.abs(speed_of(log)) > STILL), CUTOFF_HZ, rate)
     step = max(1, int(rate / (8 * CUTOFF_HZ)))
-    thin = error[::step]
+    columns = []
+    for j in range(prediction.shape[1]):
+        one = slice(j, j + 1)
+        error = (log.effort[:, one] - prediction[:, one]) * (np.abs(speed_of(log, one)) > STILL)
+        columns.append(low_pass(error, CUTOFF_HZ, rate)[::step])
+    thin = np.concatenate(columns, axis=1)
     lags = np.arange(min(len(thin) - 1, int(LAGS_S * rate / step)))
     power = np.maximum((thin**2).sum(axis=0), 1e-300)
     values = np.array([(thin[lag:] * thin[: len(thin) - lag]).sum(axis=0) / power for lag in lags])
@@ -100,17 +108,17 @@ def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.n
 
 def coverage(robot: Robot, logs: Sequence[Log], settings: Settings) -> dict[str, Any]:
     """How much of each joint's range, speed and acceleration the training logs used."""
-    motions = [motion_of(log, settings.position_cutoff_hz) for log in logs]
+    motions = (m for log in logs for _, m in motion_pieces(log, settings.position_cutoff_hz))
+    extremes = np.array([[m.q.min(0), m.q.max(0), np.abs(m.dq).max(0), np.abs(m.ddq).max(0)] for m in motions])
+    lows, (_, tops, speeds, accelerations) = extremes.min(axis=0)[0], extremes.max(axis=0)
     rows = []
-    for j, joint in enumerate(robot.joints):
-        q = np.concatenate([m.q[:, j] for m in motions])
-        speed = float(max(np.abs(m.dq[:, j]).max() for m in motions))
-        acceleration = float(max(np.abs(m.ddq[:, j]).max() for m in motions))
+    for joint, *found in zip(robot.joints, lows, tops, speeds, accelerations, strict=True):
+        least, most, speed, acceleration = map(float, found)
         low, high = joint.limits.position
         row = {
             "joint": joint.name,
-            "position": [float(q.min()), float(q.max())],
-            "position_limit_percent": _share(float(np.ptp(q)), high - low),
+            "position": [least, most],
+            "position_limit_percent": _share(most - least, high - low),
             "velocity_max": speed,
             "velocity_limit_percent": _share(speed, joint.limits.velocity),
             "acceleration_max": acceleration,

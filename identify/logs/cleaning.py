@@ -32,6 +32,8 @@ def clean(log: Log) -> Log:
     findings = list(log.findings)
     if not log.samples:
         raise LogError(f"{log.source}: holds no samples; record while the robot runs")
+    if np.isfinite(log.time).all() and _forward(log.time) and all(map(_all_usable, _channels(log).values())):
+        return counted_from(log, float(log.time[0]))
     usable = {name: _usable(values) for name, values in _channels(log).items()}
     if not usable["position"].any():
         raise LogError(f"{log.source}: too many NaN: no position is a finite number; check the recording")
@@ -67,6 +69,18 @@ def _origin(log: Log, usable: np.ndarray) -> float:
     # A channel that holds nothing at all does not count.
     moving = np.isfinite(log.time) & (usable | ~usable.any(axis=0)).all(axis=1)
     return float(log.time[moving.argmax()])
+
+
+def _forward(time: np.ndarray) -> bool:
+    return bool((time[1:] > time[:-1]).all())
+
+
+def _all_usable(values: np.ndarray) -> bool:
+    """Whether all are numbers that a robot can have; the common case, told without an array of answers."""
+    return all(
+        bool(np.abs(values[start : start + _BLOCK]).max(initial=0.0) <= ABSURD)
+        for start in range(0, len(values), _BLOCK)
+    )
 
 
 def _usable(values: np.ndarray) -> np.ndarray:
@@ -113,7 +127,7 @@ def _forward_rows(log: Log, finite: np.ndarray, findings: list[str]) -> np.ndarr
     """Which of the finite rows keep time strictly increasing."""
     time = log.time if finite.all() else log.time[finite]
     keep = np.ones(len(time), dtype=bool)
-    if (time[1:] > time[:-1]).all():
+    if _forward(time):
         return keep
     step = np.diff(time)
     repeated = np.concatenate([[False], step == 0])

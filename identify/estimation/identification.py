@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 from identify.errors import InputError, OutputError
 from identify.estimation.motion import clock, motion_pieces
 from identify.estimation.settings import Settings
+from identify.logs.folders import clear_leftovers, replacing_folder
 from identify.logs.log import Log
 from identify.logs.slicing import select
 from identify.regressor.regressor import Regressor
@@ -154,10 +154,7 @@ def save_folder(
 
     target = Path(folder)
     check_folder(target, force)
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part.mkdir()
+    with replacing_folder(target) as part:
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
         (part / RECORD).write_text(text + "\n", encoding="utf-8")
         (part / ROBOT).write_text(write_toml(robot), encoding="utf-8")
@@ -165,26 +162,12 @@ def save_folder(
             np.savez_compressed(stream, **curves)  # type: ignore[arg-type]
         for name, content in (extra or {}).items():
             (part / name).write_text(content, encoding="utf-8")
-        if target.exists():
-            old = target.with_name(f".{target.name}.{os.getpid()}.old")
-            os.replace(target, old)
-            try:
-                os.replace(part, target)
-            except OSError:
-                os.replace(old, target)
-                raise
-            shutil.rmtree(old, ignore_errors=True)
-        else:
-            os.replace(part, target)
-    except OSError as error:
-        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from error
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
     return target
 
 
 def check_folder(target: Path, force: bool) -> None:
     """OutputError where a result folder may not be written: it exists without force, or is something else."""
+    clear_leftovers(target)
     if not target.exists():
         return
     if not target.is_dir():

@@ -85,8 +85,10 @@ def curves(
         name: np.column_stack([low_pass(column, CUTOFF_HZ, rate)[rows] for column in x.T]) for name, x in smooth.items()
     }
     result |= zip(("position", "velocity", "acceleration"), np.concatenate(motion, axis=1), strict=True)
+    joints = [slice(j, j + 1) for j in range(prediction.shape[1])]
+    moving = np.concatenate([np.abs(speed_of(log, one)[rows]) > STILL for one in joints], axis=1)
     stored = {f"{prefix}/{name}": x.astype(np.float32) for name, x in result.items()}
-    return stored | {f"{prefix}/time": log.time[rows], f"{prefix}/moving": (np.abs(speed_of(log)) > STILL)[rows]}
+    return stored | {f"{prefix}/time": log.time[rows], f"{prefix}/moving": moving}
 
 
 def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.ndarray]:

@@ -12,12 +12,13 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 
 from identify.errors import OutputError
 from identify.logs import joint_state
-from identify.logs.files import growing
+from identify.logs.files import growing, replacing
 from identify.logs.log import START_TIME, Log
 from identify.logs.mcap_file import McapFile, packed
 
@@ -66,8 +67,11 @@ def write_mcap(
     if log.samples == 0 or not log.joints:
         raise OutputError(f"{path}: the log holds no samples or no joints, so there is nothing to write")
     channels = [name for name in ("velocity", "effort") if getattr(log, name) is not None]
-    with recording(path, log.joints, channels, log.metadata, attachments, start_ns) as recorder:
+    # Not by way of path + ".partial", which may be what the log was read from.
+    with replacing(path) as stream:
+        recorder = _started(stream, path, log.joints, channels, log.metadata, attachments, start_ns)
         recorder.append(log.time, log.position, log.velocity, log.effort)
+        recorder.close()
 
 
 @contextmanager
@@ -85,21 +89,34 @@ def recording(
     killed leaves it readable, without the last half second at most, and an older `path` as it was. After an error
     the partial file goes. Raises OutputError where the file can't be written, or is being written already.
     """
+    with growing(path) as stream:
+        recorder = _started(stream, path, joints, channels, metadata, attachments, start_ns)
+        stream.flush()
+        yield recorder
+        recorder.close()
+
+
+def _started(
+    stream: BinaryIO,
+    path: str | os.PathLike[str],
+    joints: Sequence[str],
+    channels: Sequence[str],
+    metadata: Mapping[str, str] | None,
+    attachments: Mapping[str, bytes] | None,
+    start_ns: int | None,
+) -> Recorder:
+    """A recorder on a stream that holds all but the samples."""
     from mcap.records import Attachment, Metadata
 
     start = _start_of(metadata or {}) if start_ns is None else start_ns
-    with growing(path) as stream:
-        file = McapFile(stream)
-        # Before the chunks, so that a cut file keeps its provenance.
-        provenance = {str(k): str(v) for k, v in (metadata or {}).items() if k != START_TIME}
-        file.metadata(Metadata(PROVENANCE, provenance))
-        for name, data in (attachments or {}).items():
-            kind = "application/toml" if Path(name).suffix == ".toml" else "application/octet-stream"
-            file.attachment(Attachment(start, start, name, kind, bytes(data)))
-        stream.flush()
-        recorder = Recorder(file, str(path), tuple(joints), tuple(channels), start)
-        yield recorder
-        recorder.close()
+    file = McapFile(stream)
+    # Before the chunks, so that a cut file keeps its provenance.
+    provenance = {str(k): str(v) for k, v in (metadata or {}).items() if k != START_TIME}
+    file.metadata(Metadata(PROVENANCE, provenance))
+    for name, data in (attachments or {}).items():
+        kind = "application/toml" if Path(name).suffix == ".toml" else "application/octet-stream"
+        file.attachment(Attachment(start, start, name, kind, bytes(data)))
+    return Recorder(file, str(path), tuple(joints), tuple(channels), start)
 
 
 class Recorder:

@@ -14,7 +14,7 @@ from mcap.records import Attachment, Channel, Metadata, Schema
 
 from identify.errors import LogError
 from identify.logs.damage import Damage, describe
-from identify.logs.files import growing
+from identify.logs.files import replacing
 from identify.logs.mcap_content import Batch
 from identify.logs.mcap_file import McapFile
 from identify.logs.mcap_records import is_mcap, profile, records
@@ -59,7 +59,8 @@ def recover(path: str | os.PathLike[str], output: str | os.PathLike[str]) -> Rec
     counts: dict[str, int] = {}
     span: tuple[int, int] | None = None
     strangers = 0
-    with growing(output) as stream:
+    # Never by way of output + ".partial", which is what is recovered more often than not.
+    with replacing(output) as stream:
         file = McapFile(stream, profile(path))
         for item in records(path):
             match item:

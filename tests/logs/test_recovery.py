@@ -241,7 +241,8 @@ def test_a_writer_that_is_killed_leaves_all_but_half_a_second_and_the_old_file(t
     recover(partial_path(path), tmp_path / "saved.mcap")
     assert same(read_mcap(tmp_path / "saved.mcap").log.position, log.position)
     # The next one starts anew.
-    write_mcap(make_log(20), path)
+    with recording(path, ("a",), ()) as recorder:
+        recorder.append(np.arange(20.0), np.ones((20, 1)))
     assert read_mcap(path).log.samples == 20
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["run.mcap", "saved.mcap"]
 
@@ -251,10 +252,25 @@ def test_two_writers_of_one_file_do_not_meet(tmp_path):
     with recording(path, ("a",), ()) as recorder:
         recorder.append(np.zeros(1), np.ones((1, 1)))
         with pytest.raises(OutputError, match="another process is writing it"):
-            write_mcap(make_log(), path)
+            interrupted(path)
         recorder.append(np.ones(1), np.ones((1, 1)))
     assert read_mcap(path).log.samples == 2
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.mcap"]
+
+
+def test_a_partial_file_is_no_working_file_of_what_is_made_of_it(tmp_path):
+    """Recovered or imported under the name it was to have, it stays as it was."""
+    path = tmp_path / "run.mcap"
+    write_mcap(make_log(3000), path)
+    partial = path.read_bytes()[:-20_000]
+    partial_path(path).write_bytes(partial)
+    recover(partial_path(path), path)
+    assert partial_path(path).read_bytes() == partial
+    log = read_mcap(path).log
+    assert log.samples == read_mcap(partial_path(path)).log.samples > 1000
+    read_mcap(partial_path(path)).log.save(path, force=True)
+    assert partial_path(path).read_bytes() == partial
+    assert same(read_mcap(path).log.effort, log.effort)
 
 
 def interrupted(path: Path) -> None:

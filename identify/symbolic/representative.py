@@ -300,9 +300,11 @@ def _best_forms(robot: Robot, live: Sequence[int], forms: Forms) -> Forms:
         best = _price(robot, live, forms, shared)
         for j in range(robot.n):
             for option in options:
-                if (option == "merged" and not can_merge(robot, j)) or (option == "level" and not forms.links[j].level):
+                form = forms.links[j]
+                vain = form.merged if option in CHANGES else option in PARALLEL and not form.level
+                if vain or (option == "merged" and not can_merge(robot, j)):
                     continue
-                changed = replace(forms.links[j], **{option: not getattr(forms.links[j], option)})
+                changed = replace(form, **{option: not getattr(form, option)})
                 trial = replace(forms, links=(*forms.links[:j], changed, *forms.links[j + 1 :]))
                 price = _price(robot, live, trial, shared)
                 if price < best:

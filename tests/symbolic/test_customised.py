@@ -18,8 +18,14 @@ from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, evaluate
 from identify.symbolic.form import Form, Forms
-from identify.symbolic.operation_table import is_chapters_robot, operations, symmetric_absent, table
-from identify.symbolic.operations import Operations
+from identify.symbolic.operation_table import (
+    is_chapters_robot,
+    operations,
+    symmetric_absent,
+    table,
+    with_unequal_lengths,
+)
+from identify.symbolic.operations import Operations, count
 from identify.symbolic.representative import customised_model, representative, standard_from_second_moments
 
 FORMS = [Form(*flags) for flags in itertools.product((True, False), repeat=len(fields(Form)))]
@@ -105,6 +111,42 @@ def test_operations_of_the_rx90() -> None:
         "253",
         "238",
     ]
+
+
+@pytest.mark.parametrize(
+    ("robot", "multiplications", "additions"),
+    [(load_robot("tx40"), 221, 199), (puma(), 226, 204)],
+    ids=["tx40", "puma"],
+)
+def test_operations_of_arms_with_offsets(robot: Robot, multiplications: int, additions: int) -> None:
+    """The rules that serve the RX-90 serve its kin; a change for the worse fails."""
+    found = count(customised_model(with_unequal_lengths(robot), wrench=True).torque)
+    assert found.multiplications <= multiplications
+    assert found.additions <= additions
+
+
+def test_equal_lengths_count_as_unequal_in_the_table() -> None:
+    robot = load_robot("rx90")
+    lengths = {name: getattr(joint, key) for joint in robot.joints for key, name in joint.symbols}
+    assert lengths["D3"] == lengths["RL4"]
+    general = with_unequal_lengths(robot)
+    assert general.joints[2].d != general.joints[3].r
+    counts = [count(customised_model(r, wrench=True).torque) for r in (general, robot)]
+    assert counts[1].multiplications < counts[0].multiplications
+
+
+def test_a_turned_frame_has_no_first_moment_along_y() -> None:
+    robot = load_robot("rx90")
+    model = customised_model(robot, wrench=True)
+    assert "PHI6" in model.parameters
+    base = np.random.default_rng(4).normal(size=len(base_parameters(robot).names))
+    turned, plain = model.values(base), representative(robot).values(base, letters=True)
+    angle = turned["PHI6"]
+    assert turned["MY6"] == 0.0
+    np.testing.assert_allclose(turned["MX6"] * np.cos(angle), plain["MX6"], rtol=1e-14)
+    np.testing.assert_allclose(turned["MX6"] * np.sin(angle), plain["MY6"], rtol=1e-14)
+    invariants = [[x["SXX6"] + x["SYY6"], x["SXX6"] * x["SYY6"] - x["SXY6"] ** 2] for x in (turned, plain)]
+    np.testing.assert_allclose(*invariants, rtol=1e-13)
 
 
 def test_the_chapters_figures_stand_beside_its_robot_alone() -> None:

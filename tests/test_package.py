@@ -31,6 +31,7 @@ ROOMS = (
     "validation",
     "report",
     "workflow",
+    "batch",
     "cli",
 )
 """From the robot to the command line: a room may use those before it, and none after."""

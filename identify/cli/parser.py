@@ -74,6 +74,7 @@ def build_parser() -> argparse.ArgumentParser:
         _recover,
         _fit,
         _predict,
+        _batch,
         _check,
         _report,
         _model,
@@ -221,9 +222,7 @@ def _fit(commands: Any) -> None:
     )
     command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; holds for every LOG that is a table")
     _topic(command)
-    command.add_argument(
-        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
-    )
+    _model_choice(command)
     command.add_argument(
         "--estimator",
         choices=(*ESTIMATORS, "all"),
@@ -247,6 +246,38 @@ def _predict(commands: Any) -> None:
     _output(command, "TORQUE.csv", "table to write")
     command.add_argument("--map", metavar="MAP.toml", help=_MAP)
     _topic(command)
+    _json(command)
+
+
+def _batch(commands: Any) -> None:
+    command = _command(
+        commands,
+        "batch",
+        "fit every log of a folder, and compare the results",
+        "Each log of FOLDER and its sub-folders is fitted on its own, over all cores: repeats of one robot, or robots\n"
+        "of one kind. DIR gets a result folder for each log, summary.html, summary.json and, as tables, summary.csv\n"
+        "(a row for each log) and parameters.csv (a row for each parameter, with its spread between the logs).\n"
+        "NAME.test.mcap beside NAME.mcap is held out to test its fit. Logs of one sub-folder count as repeats.\n"
+        "A log that can't be used stands in the tables with its reason, and the exit status is 1.",
+        "identify batch recordings --robot my_arm.urdf -o fleet",
+    )
+    command.add_argument("folder", metavar="FOLDER", help="folder with logs, in sub-folders or not")
+    command.add_argument("--robot", metavar="ROBOT", required=True, help=_ROBOT)
+    _chosen(command)
+    _output(command, "DIR", "folder to write")
+    command.add_argument(
+        "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test every result on"
+    )
+    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; with it, tables count as logs")
+    _topic(command)
+    _model_choice(command)
+    command.add_argument(
+        "--estimator",
+        choices=ESTIMATORS,
+        default="wls",
+        help="ordinary or weighted least squares (default: %(default)s)",
+    )
+    command.add_argument("--jobs", type=_jobs, metavar="N", help="logs to fit at once (default: as many as cores)")
     _json(command)
 
 
@@ -362,6 +393,12 @@ def _output(command: argparse.ArgumentParser, metavar: str, text: str, default: 
     command.add_argument("--force", action="store_true", help="replace what is there already, whole or not at all")
 
 
+def _model_choice(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
+    )
+
+
 def _topic(command: argparse.ArgumentParser) -> None:
     command.add_argument("--topic", metavar="TOPIC", help="joint states of an MCAP file (default: found by itself)")
 
@@ -384,6 +421,13 @@ def _whole(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
     return int(text)
+
+
+def _jobs(text: str) -> int:
+    number = _whole(text)
+    if not number:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
+    return number
 
 
 def _seconds(text: str) -> float:

@@ -17,6 +17,7 @@ MARKS = {
     "accept": "met",
     "warn": "warn",
     "reject": "failed",
+    "failed": "failed",
     "identified": "dot",
     "weak": "half",
     "not determined": "ring",

@@ -31,7 +31,7 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
     The page needs no network and no script, and equal input gives equal bytes. Missing values appear with the
     reason that stands beside them in the record.
     """
-    clean: Record = _printable(record)
+    clean: Record = printable(record)
     with drawing():
         sections = [
             verdict.section(clean),
@@ -118,7 +118,7 @@ def _read_curves(folder: Path) -> dict[str, np.ndarray]:
 def _body(sections: list[Section], brief: bool) -> str:
     """All sections in order; where `brief`, those with nothing to show become lines of one list before the last."""
     empty = [s for s in sections if s.why] if brief else []
-    shown = [_section(s) for s in sections if s not in empty]
+    shown = [section_html(s) for s in sections if s not in empty]
     rows = []
     for why in dict.fromkeys(s.why for s in empty):
         names = ", ".join(f'<span id="{s.key}">{s.number}\u00a0{esc(s.title)}</span>' for s in empty if s.why == why)
@@ -128,7 +128,7 @@ def _body(sections: list[Section], brief: bool) -> str:
     return "\n".join(shown)
 
 
-def _section(section: Section) -> str:
+def section_html(section: Section) -> str:
     """Heading and warnings always in sight; the body of a folded section behind its finding."""
     number, title, question = section.number, esc(section.title), esc(section.question)
     head = f'<h2><span class="number">{number}</span>{title} <small>{question}</small></h2>'
@@ -148,12 +148,12 @@ def _shared_styles(body: str) -> tuple[str, str]:
     return body, "".join(f".{name} {{ {style} }}\n" for style, name in names.items())
 
 
-def _printable(value: Any) -> Any:
+def printable(value: Any) -> Any:
     """The record with every character that no page can hold replaced."""
     if isinstance(value, str):
         return _UNPRINTABLE.sub("�", value)
     if isinstance(value, Mapping):
-        return {_printable(str(k)): _printable(v) for k, v in value.items()}
+        return {printable(str(k)): printable(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
-        return [_printable(v) for v in value]
+        return [printable(v) for v in value]
     return value

@@ -1,0 +1,166 @@
+"""A batch from folder to folder: every log fitted in a process of its own, the summary beside their results."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from identify.batch.processes import Done, over_processes
+from identify.batch.reduction import FAILED, Options, Progress, failed, fit_log
+from identify.batch.sources import RESULT_MARKS, Source
+from identify.errors import OutputError
+
+FORMAT = "identify/batch/1"
+RECORD, PAGE, LOGS, PARAMETERS = "summary.json", "summary.html", "summary.csv", "parameters.csv"
+STATES = ("accept", "warn", "reject", FAILED)
+
+
+def fit_batch(
+    sources: Sequence[Source],
+    robot: str,
+    folder: str | os.PathLike[str],
+    options: Options = Options(),  # noqa: B008  frozen
+    jobs: int | None = None,
+    force: bool = False,
+    others: Sequence[str] = (),
+    progress: Progress = None,
+) -> dict[str, Any]:
+    """Fit every source over `jobs` processes (None: one a core) and write results and summary; return the summary.
+
+    robot: name or file. others: files of the folder that were left alone. The folder is written whole or not at
+    all, whatever becomes of single logs. RobotError, InputError or OutputError where no log could be fitted at all.
+    """
+    from identify.estimation.fitting import check_choice
+    from identify.logs.folders import replacing_folder
+    from identify.robot.library import load_robot
+
+    target = Path(folder)
+    check_target(target, force)
+    load_robot(robot, options.joints, options.gravity)  # type: ignore[arg-type]
+    check_choice(options.model, options.estimator)
+    with replacing_folder(target) as part:
+        tasks = [(source, robot, str(part), options) for source in sources]
+        entries = _gathered(tasks, jobs or cores(), progress)
+        if progress:
+            progress(1.0, "summary")
+        summary = summarise(entries, options, others)
+        for name, text in files(summary).items():
+            (part / name).write_text(text, encoding="utf-8", newline="")
+    return summary
+
+
+def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Sequence[str] = ()) -> dict[str, Any]:
+    """The content of summary.json from the entries of `fit_log`, whichever engine mapped it."""
+    from identify.validation.spread import spread
+
+    entries = sorted(entries, key=lambda entry: str(entry["name"]))
+    known = next((entry for entry in entries if entry["robot"]), None)
+    counts = Counter(entry["status"] for entry in entries)
+    fitted = [entry for entry in entries if entry["parameters"]]
+    return {
+        "format": FORMAT,
+        "robot": known and known["robot"],
+        "model": options.model,
+        "estimator": next((entry["estimator"] for entry in entries if entry["estimator"]), None),
+        "counts": {state: counts[state] for state in STATES},
+        **spread(fitted),
+        "fits": [{key: value for key, value in e.items() if key not in ("robot", "versions")} for e in entries],
+        "others": list(others),
+        "versions": known and known["versions"],
+        "command": options.command,
+    }
+
+
+def files(summary: dict[str, Any]) -> dict[str, str]:
+    """The files of a summary by name: page, tables of logs and of parameters, and all of it as JSON."""
+    from identify.report.batch import batch_page
+
+    return {
+        RECORD: json.dumps(summary, indent=1, ensure_ascii=False, allow_nan=False) + "\n",
+        PAGE: batch_page(summary),
+        LOGS: _table(_log_rows(summary)),
+        PARAMETERS: _table(_parameter_rows(summary)),
+    }
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def check_target(target: Path, force: bool) -> None:
+    """OutputError where a batch may not be written: it exists without force, or is something else."""
+    from identify.logs.folders import clear_leftovers
+
+    clear_leftovers(target)
+    if not target.exists():
+        return
+    if not target.is_dir():
+        raise OutputError(f"{target}: is a file; give the name of a folder")
+    if not force:
+        raise OutputError(f"{target}: exists; choose another name, or replace it with --force")
+    if any(target.iterdir()) and not (target / RESULT_MARKS[1]).is_file():
+        raise OutputError(f"{target}: holds other things than a batch; --force only replaces batches")
+
+
+def _gathered(tasks: Sequence[tuple[Any, ...]], jobs: int, progress: Progress) -> list[dict[str, Any]]:
+    """The entry of every task, in their order."""
+    entries: dict[int, dict[str, Any]] = {}
+    shares = [0.0] * len(tasks)
+    for told in over_processes(fit_log, tasks, jobs):
+        source: Source = tasks[told.index][0]
+        if isinstance(told, Done):
+            entries[told.index] = failed(source, told.death) if told.death else told.result
+            shares[told.index] = 1.0
+            text = f"{source.name}: {entries[told.index]['status']}"
+        else:
+            shares[told.index] = told.share
+            text = f"{source.name}: {told.text}"
+        if progress:
+            progress(sum(shares) / len(shares), f"{len(entries)} of {len(tasks)} logs done; {text}")
+    return [entries[i] for i in range(len(tasks))]
+
+
+def _log_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each log: what came of it, its residuals, its worst parameters."""
+    odd = {o["name"]: [p["name"] for p in o["parameters"]] for o in summary["odd"]}
+    rows = []
+    for entry in summary["fits"]:
+        row = {"log": entry["name"], "unit": entry["unit"], "file": entry["log"], "status": entry["status"]}
+        for key in ("samples", "duration_s", "rate_hz", "relative_residual_percent"):
+            row[key] = entry[key]
+        for key in ("moving_relative_residual_percent", "test_moving_relative_residual_percent", "condition_number"):
+            row[key] = entry[key]
+        row |= {"identified": entry["identified"], "base_parameters": entry["base_parameters"]}
+        row["worst_parameters"] = " ".join(p["name"] for p in entry["worst"])
+        row["odd_parameters"] = " ".join(odd.get(entry["name"], ()))
+        rows.append(row | {"reasons": "; ".join(entry["reasons"])})
+    return rows
+
+
+def _parameter_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each parameter: over all logs, then estimate and standard deviation of each."""
+    fits = [entry for entry in summary["fits"] if entry["parameters"]]
+    rows = []
+    for j, parameter in enumerate(summary["parameters"]):
+        row = {**parameter, "odd": " ".join(parameter["odd"])}
+        for entry in fits:
+            own = entry["parameters"][j]
+            row |= {entry["name"]: own["estimate"], f"{entry['name']} std": own["std"]}
+        rows.append(row)
+    return rows
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows of equal keys as CSV; nothing stands where a value is not known."""
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(rows[0]) if rows else ["name"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return stream.getvalue()

@@ -1,0 +1,227 @@
+"""The page of a batch: what came of each log, whether they agree, and which is the odd one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from urllib.parse import quote
+
+from identify.numbers import DASH, column, given, percent, significant
+from identify.report import batch_figures
+from identify.report.drawing import drawing
+from identify.report.markup import (
+    SPRITE,
+    Notes,
+    Section,
+    esc,
+    figures,
+    fold,
+    legend,
+    listing,
+    mark,
+    prose,
+    status,
+    table,
+)
+from identify.report.page import document, printable, section_html
+from identify.report.symbols import symbol_html
+
+Summary = Mapping[str, Any]
+MOST = 4
+"""Parameters of one log that a sentence names."""
+
+WITHOUT = ("reject", "failed")
+"""States of logs without a model."""
+
+
+def batch_page(summary: Summary) -> str:
+    """The summary of a batch as HTML, a pure function of summary.json; its links lead to the results beside it."""
+    clean: Summary = printable(summary)
+    name = (clean["robot"] or {}).get("name") or "Robot"
+    with drawing():
+        sections = "\n".join(section_html(s) for s in (_logs(clean), _agreement(clean), _provenance(clean)))
+    main = f"{SPRITE}\n<main>\n{_header(clean, name)}\n{sections}\n</main>"
+    return document(f"{name}: {_count(len(clean['fits']), 'log')}", main)
+
+
+def _header(summary: Summary, name: str) -> str:
+    told = f"{str(summary['model']).capitalize()} model"
+    told += f" by {summary['estimator']}" if summary["estimator"] else ""
+    told += f" · {_count(len(summary['fits']), 'log')}, each fitted on its own"
+    simulated = [fit["name"] for fit in summary["fits"] if fit["simulated"]]
+    banner = ""
+    if simulated:
+        every = len(simulated) == sum(fit["simulated"] is not None for fit in summary["fits"])
+        what = "Every model here comes from a simulated robot, not from a real one." if every else _listed(simulated)
+        banner = f'<p class="simulated"><b>Simulated data</b> {esc(what)}</p>'
+    return (
+        f'<header><p class="kind">Identification of dynamic parameters, many logs</p><h1>{esc(name)}</h1>'
+        f'<p class="meta">{esc(told)}</p>{banner}</header>'
+    )
+
+
+def _logs(summary: Summary) -> Section:
+    fits, counts = summary["fits"], summary["counts"]
+    known = [fit for fit in fits if fit["status"] not in WITHOUT]
+    parts = [f"{len(known)} of {_count(len(fits), 'log')} gave a model"]
+    parts += [f"{counts['reject']} can’t support one"] if counts["reject"] else []
+    parts += [f"{counts['failed']} could not be used"] if counts["failed"] else []
+    shape = mark("reject" if not known else "warn" if len(known) < len(fits) or summary["odd"] else "accept")
+    body = f'<p class="answer">{shape} <span>{esc("; ".join(parts))}.</span></p>'
+    body += _log_table(fits)
+    lost = [fit for fit in fits if fit["status"] in WITHOUT]
+    if lost:
+        rows = "".join(f"<li><b>{_linked(fit)}</b><span>{_sentences(fit['reasons'])}</span></li>" for fit in lost)
+        body += f'<h3>Without a model</h3><ul class="not-made">{rows}</ul>'
+    warnings: dict[str, list[str]] = {}
+    for fit in known:
+        for reason in fit["reasons"]:
+            warnings.setdefault(reason.removeprefix(f"{fit['log']}: "), []).append(fit["name"])
+    if warnings:
+        body += "<h3>Why models come with a warning</h3>"
+        told = [f"{why} ({_whose(names, len(known))})" for why, names in warnings.items()]
+        body += listing(told, "reasons")
+    odd = tuple(_odd(row) for row in summary["odd"])
+    return Section("logs", 1, "Logs", "What came of each?", body, warnings=odd)
+
+
+def _log_table(fits: Sequence[Mapping[str, Any]]) -> str:
+    known = [fit for fit in fits if fit["parameters"]]
+    test = any(fit["test_moving_relative_residual_percent"] is not None for fit in known)
+    head = [("log", "text"), ("state", "word"), ('length <span class="unit">[s]</span>', "number")]
+    head += [("error while moving", "number")] + ([("on unseen motion", "number")] if test else [])
+    head += [("identified", "number"), ("condition", "number"), ("least known", "text")]
+    rows = []
+    for fit in fits:
+        cells = [_linked(fit), status(fit["status"]), given(fit["duration_s"], 3)]
+        cells.append(percent(fit["moving_relative_residual_percent"]))
+        if test:
+            cells.append(percent(fit["test_moving_relative_residual_percent"]))
+        cells.append(f"{fit['identified']} of {fit['base_parameters']}" if fit["parameters"] else DASH)
+        cells.append(significant(fit["condition_number"], 2))
+        worst = [f"{symbol_html(p['name'])} {_relative(p['relative_std_percent'])}" for p in fit["worst"]]
+        rows.append([*cells, ", ".join(worst) or DASH])
+    notes = Notes()
+    notes.plain.append(
+        "Errors are residuals in percent of the torque, rows at rest set to zero. Identified: base parameters whose σ "
+        "is below 10 % of their value. Least known: those of the largest σ, in percent of their value"
+    )
+    return table(head, rows, "Logs and what came of them", notes)
+
+
+def _agreement(summary: Summary) -> Section:
+    body = f'<p class="lead">{esc(verdict_on_sigma(summary))}</p>'
+    if summary["logs"] > 1:
+        drawn = batch_figures.panels(summary)
+        body += f'<p class="remark">{esc(batch_figures.EXPLAINED)}</p>'
+        marks = [("dots", "one log"), ("rest", "within 2 σ")]
+        body += legend(*marks, *([("odd", "odd log")] if summary["odd"] else [])) + figures(drawn)
+    if summary["parameters"]:
+        body += fold("Table of all parameters", _parameter_table(summary), _count(len(summary["parameters"]), "row"))
+    return Section("agreement", 2, "Agreement", "Is σ believable, and is one of them odd?", body)
+
+
+def verdict_on_sigma(summary: Summary) -> str:
+    """What the spread between the logs says of the stated standard deviations, in plain sentences."""
+    if summary["logs"] < 2:
+        return "It takes two fitted logs to compare anything."
+    within, every = summary["within"], summary["without_odd"] or summary["agreement"]
+    left_out = f", {_listed([row['name'] for row in summary['odd']])} left out," if summary["without_odd"] else ""
+    told = []
+    if within:
+        told.append(_judged(f"Repeats, which are logs of the same sub-folder{left_out}", within, True))
+        left_out = ""
+    if every:
+        told.append(_judged(f"All logs together{left_out}" if within else f"The logs{left_out}", every, False))
+    if summary["without_odd"]:
+        told.append(f"With every log counted it is {significant(summary['agreement']['ratio'])} times.")
+    return " ".join(told)
+
+
+def _judged(who: str, found: Mapping[str, Any], repeats: bool) -> str:
+    low, high = (significant(x, 2) for x in found["chance"])
+    ratio = significant(found["ratio"], 2)
+    told = f"{who} differ by {ratio} times their stated σ; chance alone keeps this between {low} and {high}."
+    if found["sigma"] == "as stated":
+        return f"{told} The stated σ is believable."
+    if found["sigma"] == "narrower than stated":
+        return f"{told} The stated σ is larger than it need be."
+    if repeats:
+        return f"{told} The stated σ is too small by about this factor."
+    return f"{told} If they are repeats of one robot, σ is too small by about this factor; if not, the robots differ."
+
+
+def _parameter_table(summary: Summary) -> str:
+    rows = summary["parameters"]
+    head = [("symbol", "text"), ("mean", "number"), ("spread", "number"), ("stated σ", "number")]
+    head += [("ratio", "number"), ("lowest", "number"), ("highest", "number"), ("unit", "text"), ("odd", "text")]
+    ratios = column([row["ratio"] for row in rows], most=2)
+    body = [
+        [
+            symbol_html(row["name"]),
+            *(significant(row[key], 4) for key in ("mean",)),
+            *(significant(row[key], 2) for key in ("spread", "std")),
+            ratio,
+            *(significant(row[key], 4) for key in ("low", "high")),
+            esc(row["unit"]),
+            esc(", ".join(row["odd"])),
+        ]
+        for row, ratio in zip(rows, ratios, strict=True)
+    ]
+    notes = Notes()
+    notes.plain.append(
+        "Spread: standard deviation between the logs. Ratio: root mean square distance from the weighted mean in "
+        "stated σ, which is 1 where σ is true and the logs differ by chance"
+    )
+    return table(head, body, "Parameters over all logs", notes)
+
+
+def _provenance(summary: Summary) -> Section:
+    robot, versions = summary["robot"] or {}, summary["versions"] or {}
+    rows = []
+    if robot:
+        rows.append(("Robot", f'{esc(robot["source"])}<br><span class="hash">sha256 {esc(robot["sha256"])}</span>'))
+    rows.append(("Software", esc(", ".join(f"{name} {text}" for name, text in versions.items()) or DASH)))
+    if summary["command"]:
+        rows.append(("Command", f"<code>{esc(summary['command'])}</code>"))
+    if summary["others"]:
+        rows.append(("Not read", esc(", ".join(summary["others"]))))
+    body = "".join(f"<dt>{name}</dt><dd>{text}</dd>" for name, text in rows)
+    return Section("provenance", 3, "Provenance", "Where does it come from?", f'<dl class="provenance">{body}</dl>')
+
+
+def _odd(row: Mapping[str, Any]) -> str:
+    """A sentence on an odd log, HTML."""
+    shown = [
+        f"{symbol_html(p['name'])} {significant(p['distance'], 2)} times ({significant(p['sigmas'], 2)} σ)"
+        for p in row["parameters"][:MOST]
+    ]
+    more = len(row["parameters"]) - len(shown)
+    told = ", ".join(shown) + (f" and {more} more" if more > 0 else "")
+    return f"<b>{esc(row['name'])}</b> is odd: farther from the median of all logs than is usual, {told}."
+
+
+def _linked(fit: Mapping[str, Any]) -> str:
+    name = esc(fit["name"])
+    return f'<a href="{esc(quote(fit["folder"]))}/report.html">{name}</a>' if fit["folder"] else name
+
+
+def _sentences(reasons: Sequence[str]) -> str:
+    return " ".join(prose(reason) for reason in reasons)
+
+
+def _whose(names: Sequence[str], known: int) -> str:
+    return "all" if len(names) == known and known > 1 else _listed(names)
+
+
+def _listed(names: Sequence[str]) -> str:
+    shown = list(names[:MOST])
+    return ", ".join(shown) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
+
+
+def _relative(value: Any) -> str:
+    return percent(value) if value is None or value < 100 else "> 100\u00a0%"
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

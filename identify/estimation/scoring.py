@@ -27,7 +27,7 @@ WHY_NOT = {
 
 
 def speed_of(log: Log, joints: slice = slice(None)) -> np.ndarray:
-    """(N, joints) measured velocity where the log has it, else central differences of the position low-passed at 20 Hz."""
+    """(N, joints) measured velocity where the log has it, else differences of the position low-passed at 20 Hz."""
     if log.velocity is not None:
         return log.velocity[:, joints]
     return np.gradient(low_pass(log.position[:, joints], SPEED_CUTOFF_HZ, log.rate_hz), log.time, axis=0)

@@ -23,7 +23,7 @@ from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
 from identify.symbolic.form import Form, Forms, can_merge, turn_symbol
 from identify.symbolic.operations import count, lifted, varying
-from identify.symbolic.second_moments import MX, MY, SECOND_MOMENTS
+from identify.symbolic.second_moments import MX, MY, SECOND_MOMENTS, XX, XY, XZ, YY, YZ
 from identify.symbolic.simplification import simplified
 
 PRICE = {"Ia": 2, "SXX": 3, "SYY": 3, "SXZ": 5, "SYZ": 5, "SXY": 6, "MX": 8, "MY": 8, "SZZ": 9, "M": 20, "MZ": 30}
@@ -309,6 +309,11 @@ def _best_forms(robot: Robot, live: Sequence[int], forms: Forms) -> Forms:
                 price = _price(robot, live, trial, shared)
                 if price < best:
                     best, forms = price, trial
-    # A frame is turned where both first moments are there, and its link is part of its parent's body.
-    turned = [j for j in range(robot.n) if forms.links[j].merged and {11 * j + MX, 11 * j + MY} <= set(live)]
+    turned = [j for j in range(robot.n) if forms.links[j].merged and _can_turn({k - 11 * j for k in live})]
     return replace(forms, turned=tuple(turned))
+
+
+def _can_turn(live: Collection[int]) -> bool:
+    """Whether both first moments across the axis are there, and what a turn mixes is there as a whole or not at all."""
+    mixed = ({XX, XY, YY}, {XZ, YZ})
+    return {MX, MY} <= set(live) and all(len(group & set(live)) in (0, len(group)) for group in mixed)

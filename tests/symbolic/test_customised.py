@@ -171,6 +171,20 @@ def test_symmetric_links_are_the_general_model_with_zeros() -> None:
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-12 * np.abs(found[0]).max())
 
 
+@pytest.mark.parametrize("missing", ["XY6", "XZ6", "MX6", "MY5"])
+def test_any_base_parameter_may_be_absent(missing: str) -> None:
+    robot = load_robot("rx90")
+    base = base_parameters(robot)
+    rng = np.random.default_rng(12)
+    (absent,) = {missing, f"{missing[:2]}R{missing[2:]}"} & set(base.names)
+    present = rng.normal(size=len(base.names)) * [name != absent for name in base.names]
+    q, dq, ddq = states(rng, robot, 1)[:, 0]
+    found = []
+    for model in (customised_model(robot), customised_model(robot, absent={absent})):
+        found.append(values(model.torque, robot, q, dq, ddq, model.values(present)))
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-12 * np.abs(found[0]).max())
+
+
 @pytest.mark.parametrize("seed", [None, 1, 4])
 def test_a_representative_has_the_base_parameters_it_stands_for(seed: int | None) -> None:
     robot = load_robot("rx90") if seed is None else random_chain(np.random.default_rng(seed), 3, special=True)

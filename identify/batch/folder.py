@@ -70,11 +70,21 @@ def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Seque
         "estimator": next((entry["estimator"] for entry in entries if entry["estimator"]), None),
         "counts": {state: counts[state] for state in STATES},
         **spread(fitted),
+        "same": same_files(entries),
         "fits": [{key: value for key, value in e.items() if key not in ("robot", "versions")} for e in entries],
         "others": list(others),
         "versions": known and known["versions"],
         "command": options.command,
     }
+
+
+def same_files(entries: Sequence[Mapping[str, Any]]) -> list[list[str]]:
+    """Names of logs that are the same file twice or more, by its digest: they agree without telling anything."""
+    by_digest: dict[str, list[str]] = {}
+    for entry in entries:
+        if entry["sha256"]:
+            by_digest.setdefault(entry["sha256"], []).append(str(entry["name"]))
+    return [names for names in by_digest.values() if len(names) > 1]
 
 
 def files(summary: dict[str, Any]) -> dict[str, str]:

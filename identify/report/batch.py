@@ -81,8 +81,9 @@ def _logs(summary: Summary) -> Section:
         body += "<h3>Why models come with a warning</h3>"
         told = [f"{why} ({_whose(names, len(known))})" for why, names in warnings.items()]
         body += listing(told, "reasons")
-    odd = tuple(_odd(row) for row in summary["odd"])
-    return Section("logs", 1, "Logs", "What came of each?", body, warnings=odd)
+    told = [_odd(row) for row in summary["odd"]]
+    told += [f"{esc(', '.join(names))} are one and the same file and agree by nature." for names in summary["same"]]
+    return Section("logs", 1, "Logs", "What came of each?", body, warnings=tuple(told))
 
 
 def _log_table(fits: Sequence[Mapping[str, Any]]) -> str:
@@ -126,29 +127,39 @@ def verdict_on_sigma(summary: Summary) -> str:
     if summary["logs"] < 2:
         return "It takes two fitted logs to compare anything."
     within, every = summary["within"], summary["without_odd"] or summary["agreement"]
-    left_out = f", {_listed([row['name'] for row in summary['odd']])} left out," if summary["without_odd"] else ""
     told = []
     if within:
-        told.append(_judged(f"Repeats, which are logs of the same sub-folder{left_out}", within, True))
-        left_out = ""
-    if every:
-        told.append(_judged(f"All logs together{left_out}" if within else f"The logs{left_out}", every, False))
+        told.append(f"Logs of the same sub-folder, taken for repeats of one robot, {_judged(within, _REPEATS)}")
+    told.append(f"{'All logs' if within else 'The logs'} {_judged(every, _ROBOTS if within else _EITHER)}")
     if summary["without_odd"]:
-        told.append(f"With every log counted it is {significant(summary['agreement']['ratio'])} times.")
+        names = _listed([row["name"] for row in summary["odd"]])
+        told.append(f"This leaves out {names} as odd; with every log it is {_times(summary['agreement'])}.")
     return " ".join(told)
 
 
-def _judged(who: str, found: Mapping[str, Any], repeats: bool) -> str:
+_WIDER, _TRUE, _NARROWER = "wider than stated", "as stated", "narrower than stated"
+_REPEATS = {
+    _WIDER: "σ is too small by about this factor",
+    _TRUE: "σ is believable",
+    _NARROWER: "σ is larger than it need be",
+}
+_ROBOTS = {
+    _WIDER: "the robots differ by more than σ explains",
+    _TRUE: "no difference between the robots is seen",
+    _NARROWER: "no difference between the robots is seen",
+}
+_EITHER = _REPEATS | {
+    _WIDER: "of repeats of one robot σ is too small by about this factor; of several, the robots differ"
+}
+
+
+def _judged(found: Mapping[str, Any], words: Mapping[str, str]) -> str:
     low, high = (significant(x, 2) for x in found["chance"])
-    ratio = significant(found["ratio"], 2)
-    told = f"{who} differ by {ratio} times their stated σ; chance alone keeps this between {low} and {high}."
-    if found["sigma"] == "as stated":
-        return f"{told} The stated σ is believable."
-    if found["sigma"] == "narrower than stated":
-        return f"{told} The stated σ is larger than it need be."
-    if repeats:
-        return f"{told} The stated σ is too small by about this factor."
-    return f"{told} If they are repeats of one robot, σ is too small by about this factor; if not, the robots differ."
+    return f"differ by {_times(found)} their stated σ (chance alone: {low} to {high}): {words[found['sigma']]}."
+
+
+def _times(found: Mapping[str, Any]) -> str:
+    return f"{significant(found['ratio'], 2)} times"
 
 
 def _parameter_table(summary: Summary) -> str:
@@ -187,7 +198,8 @@ def _provenance(summary: Summary) -> Section:
     if summary["others"]:
         rows.append(("Not read", esc(", ".join(summary["others"]))))
     body = "".join(f"<dt>{name}</dt><dd>{text}</dd>" for name, text in rows)
-    return Section("provenance", 3, "Provenance", "Where does it come from?", f'<dl class="provenance">{body}</dl>')
+    body = f'<dl class="table provenance">{body}</dl>'
+    return Section("provenance", 3, "Provenance", "Where does it come from?", body)
 
 
 def _odd(row: Mapping[str, Any]) -> str:

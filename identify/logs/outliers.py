@@ -20,14 +20,16 @@ def spikes(x: np.ndarray, least: float) -> np.ndarray:
     if len(x) < 8:
         return np.empty(0, dtype=int)
     step = np.diff(x)
-    height = _height(step, 1)
-    limit = max(least, BEYOND * _quantile(height, 0.999))
-    found = [np.flatnonzero(height > limit)]
-    for width in range(2, WIDEST_SPIKE + 1):
-        wide = np.flatnonzero(_height(step, width) > limit)
-        # Back where it came from, or it is two jumps.
-        back = np.abs(x[wide] - x[wide + width + 1]) < 0.25 * np.abs(step[wide])
-        found.append(wide[back])
+    usual = _height(step, _some(np.arange(len(step) - 1)), 1)
+    limit = max(least, BEYOND * float(np.quantile(usual, 0.999)))
+    flanks = np.flatnonzero(np.abs(step[:-WIDEST_SPIKE]) > limit)
+    found = []
+    for width in range(1, WIDEST_SPIKE + 1):
+        tall = flanks[_height(step, flanks, width) > limit]
+        if width > 1:
+            # Back where it came from, or it is two jumps.
+            tall = tall[np.abs(x[tall] - x[tall + width + 1]) < 0.25 * np.abs(step[tall])]
+        found.append(tall)
     starts = np.unique(np.concatenate(found)) + 1
     return starts[np.diff(starts, prepend=-WIDEST_SPIKE - 1) > WIDEST_SPIKE]
 
@@ -40,16 +42,21 @@ def jumps(x: np.ndarray, time: np.ndarray, least: float) -> np.ndarray:
     if len(x) < 16:
         return np.empty(0, dtype=int)
     step = np.diff(x)
-    lapse = np.diff(time)
-    speed = step / lapse
-    around = np.stack([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]])
+    size = np.abs(step)
+    sample = _some(np.arange(2, len(step) - 2))
+    usual = np.quantile(time[sample + 1] - time[sample], 0.5)
+    limit = max(least, BEYOND * float(np.quantile(_odd(x, time, sample), 0.999)), 2 * _quantile(size, 0.999))
+    large = np.flatnonzero(size[2:-2] > 0.5 * limit) + 2
+    large = large[time[large + 1] - time[large] <= 1.5 * usual]
+    return large[_odd(x, time, large) > limit]
+
+
+def _odd(x: np.ndarray, time: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """What the speed around the steps from x[k] to x[k + 1] does not explain of them."""
+    around = np.sort([(x[k + i + 1] - x[k + i]) / (time[k + i + 1] - time[k + i]) for i in (-2, -1, 1, 2)], axis=0)
     # The middle of four neighbours: one that is odd itself does not count.
-    expected = 0.5 * (np.maximum(np.minimum(around[0], around[1]), np.minimum(around[2], around[3])))
-    expected += 0.5 * (np.minimum(np.maximum(around[0], around[1]), np.maximum(around[2], around[3])))
-    odd = np.abs(step[2:-2] - expected * lapse[2:-2])
-    odd[lapse[2:-2] > 1.5 * _quantile(lapse, 0.5)] = 0
-    limit = max(least, BEYOND * _quantile(odd, 0.999), 2 * _quantile(np.abs(step), 0.999))
-    return np.flatnonzero(odd > limit) + 2
+    expected = 0.5 * (around[1] + around[2]) if len(k) else np.empty(0)
+    return np.abs(x[k + 1] - x[k] - expected * (time[k + 1] - time[k]))
 
 
 def runs(same: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -64,12 +71,10 @@ def robust_range(x: np.ndarray) -> float:
     return float(high - low)
 
 
-def _height(step: np.ndarray, width: int) -> np.ndarray:
-    """Height of what rises at one step and falls `width` steps later, or the other way round; else 0."""
-    up, down = step[:-width], step[width:]
-    height = np.minimum(np.abs(up), np.abs(down))
-    height[up * down >= 0] = 0
-    return height
+def _height(step: np.ndarray, k: np.ndarray, width: int) -> np.ndarray:
+    """Height of what rises at the steps k and falls `width` steps later, or the other way round; else 0."""
+    up, down = step[k], step[k + width]
+    return np.where(up * down < 0, np.minimum(np.abs(up), np.abs(down)), 0.0)
 
 
 def _quantile(values: np.ndarray, share: float) -> float:

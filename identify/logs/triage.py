@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from identify.errors import UnsupportedLogError
-from identify.logs.channel_checks import of_channels
+from identify.logs.channel_checks import CLIPPED_LEAST, of_channels
 from identify.logs.clock_checks import GAP, of_clock
 from identify.logs.finding import ERROR, KEPT, REFUSED, WARNING, Finding, of_reading
 from identify.logs.log import Log
+from identify.logs.outliers import runs
 from identify.logs.velocity_check import NOT_USED, of_velocity
 from identify.logs.wording import counted
 from identify.robot.robot import Limits
@@ -145,7 +146,9 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
     steps = np.diff(log.time) if log.samples > 1 else np.zeros(1)
     median, longest = float(np.median(steps)), float(steps.max())
     speed = mean_speed(log)
-    moving = (np.abs(speed) > REST_SPEED).any(axis=1)
+    moving = np.zeros(log.samples, dtype=bool)
+    for column in speed.T:
+        moving |= np.abs(column) > REST_SPEED
     facts = tuple(_joint_facts(log, j, speed[:, j]) for j in range(len(log.joints)))
     moves = np.array([fact.moves for fact in facts], dtype=bool)
     gaps = int((steps > GAP * median).sum())
@@ -223,7 +226,12 @@ def mean_speed(log: Log) -> np.ndarray:
     before = np.maximum(np.searchsorted(log.time, log.time - SPEED_SPAN / 2, side="right") - 1, 0)
     # At a rate too low for the span, the neighbours serve.
     after = np.minimum(np.maximum(after, np.arange(log.samples) + 1), log.samples - 1)
-    return (log.position[after] - log.position[before]) / (log.time[after] - log.time[before])[:, None]
+    lapse = log.time[after] - log.time[before]
+    speed = np.empty(log.position.shape)
+    # Column by column: whole copies would cost more memory than the log.
+    for column, x in zip(speed.T, log.position.T, strict=True):
+        np.divide(x[after] - x[before], lapse, out=column)
+    return speed
 
 
 def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
@@ -280,7 +288,9 @@ def _of_limits(log: Log, facts: tuple[JointFacts, ...], limits: Mapping[str, Lim
         largest = max(abs(fact.effort_min or 0.0), abs(fact.effort_max or 0.0))
         faint.append(0 < largest < LEAST_EFFORT * limit.effort < math.inf)
         if log.effort is not None and largest <= (1 + LIMIT_TOLERANCE) * limit.effort < math.inf:
-            share = float((np.abs(log.effort[:, j]) >= AT_LIMIT * limit.effort).mean())
+            # Noise takes an effort to its limit for a sample, saturation for longer.
+            _, lengths = runs(np.abs(log.effort[:, j]) >= AT_LIMIT * limit.effort)
+            share = float(lengths[lengths >= CLIPPED_LEAST].sum() / log.samples)
             if share > AT_LIMIT_SHARE:
                 text = (
                     f"the effort of {fact.joint} is at its limit {limit.effort:g} in {100 * share:.1f} % of the samples"

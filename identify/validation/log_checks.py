@@ -20,11 +20,15 @@ IMPLAUSIBLE = 1.5
 """Ratio of squared residuals, with and without friction and inertia held positive, from which they are tried."""
 FAR_BETTER = 0.25
 """Ratio of squared residuals from which another reading of the log is the right one."""
+STEP_BETTER = 0.7
+"""The same of one fault among several, which together have to be far better."""
 AS_GOOD = 1.5
 """Readings whose squared residuals are within this ratio can't be told apart."""
 MOST_FAULTS = 3
 BETTER = 0.8
 """Ratio of squared residuals from which a shift of the effort is real."""
+ALONE_BETTER = 0.5
+"""The same for the effort of one joint among several, which chance favours as often."""
 CERTAIN = 5.0
 """A delay is so many of its own standard errors long, those of its parts."""
 SHIFT_STEP_S = 0.005
@@ -128,7 +132,7 @@ def _readings(regressor: Regressor, rows: Rows, measured: np.ndarray) -> tuple[_
             break
         tried = [_judge(regressor, rows, measured, other.after(best.reading)) for other in _others(names)]
         least = min(judged.squares for judged in tried)
-        if not least < FAR_BETTER * best.squares:
+        if not least < STEP_BETTER * best.squares:
             break
         as_good = [judged for judged in tried if judged.squares <= AS_GOOD * least]
         as_good.sort(key=lambda judged: judged.squares)
@@ -137,7 +141,7 @@ def _readings(regressor: Regressor, rows: Rows, measured: np.ndarray) -> tuple[_
         joints = tuple(dict.fromkeys(name for judged in as_good[:3] for name in judged.reading.joints))
         findings.append(Finding(as_good[0].reading.kind, ERROR, f"{words}: {gain}", REFUSED, joints))
         best = as_good[0]
-    return as_is, findings
+    return as_is, findings if best.squares < FAR_BETTER * as_is.squares else []
 
 
 def _doubtful(judged: _Judged, measured: np.ndarray) -> bool:
@@ -208,11 +212,17 @@ def _delay(regressor: Regressor, rows: Rows, built: Equations, log: Log) -> tupl
         ends = " to ".join(f"{1e3 * delay:.1f}" for delay in (delays[0], delays[-1]))
         text = f"position and effort have clocks apart: the effort's delay goes from {ends} ms through the log"
         return common, [Finding("clock apart", WARNING, text, KEPT, names)]
+    alone, gain = _delay_of_joint(names, built, sides, shifts, step)
+    if alone and gain < 0.9 * squares.min() / none:
+        return 0.0, alone
     error = float(np.std(delays, ddof=1) / np.sqrt(PARTS))
     if abs(common) > max(step, CERTAIN * error) and squares.min() < BETTER * none:
+        fine = common + np.arange(-SHIFT_STEP_S, SHIFT_STEP_S + 1e-9, SHIFT_STEP_S / 10)
+        left = [built.residual(built.side(rows.effort(shift))) for shift in fine]
+        common = _lowest(fine, np.array([float(r @ r) for r in left]))
         text = f"the effort is {_lag(common)} the position (standard error {1e3 * error:.2f} ms)"
         return common, [Finding("delay", WARNING, text, f"{KEPT}; shift one of them", names)]
-    return 0.0, _delay_of_joint(names, built, sides, shifts, step)
+    return 0.0, []
 
 
 def _delays_of_parts(
@@ -232,8 +242,8 @@ def _delays_of_parts(
 
 def _delay_of_joint(
     names: tuple[str, ...], built: Equations, sides: list[np.ndarray], shifts: np.ndarray, step: float
-) -> list[Finding]:
-    """The joint whose effort alone comes late, if there is one: the one whose shift explains most."""
+) -> tuple[list[Finding], float]:
+    """The joint whose effort alone comes late, if there is one, and the ratio of squared residuals that it explains."""
     none = sides[len(shifts) // 2]
     whole = built.basis.T @ none
     found = []
@@ -251,13 +261,13 @@ def _delay_of_joint(
         y = np.array(squares)
         delay = _lowest(shifts, y)
         gain = y.min() / max(y[len(shifts) // 2], 1e-300)
-        if abs(delay) > max(step, SHIFT_STEP_S / 2) and gain < BETTER:
+        if abs(delay) > max(step, SHIFT_STEP_S / 2) and gain < ALONE_BETTER:
             found.append((gain, name, delay))
     if not found:
-        return []
-    _, name, delay = min(found)
+        return [], 1.0
+    gain, name, delay = min(found)
     text = f"the effort of {name} is {_lag(delay)} the position, that of the other joints is not"
-    return [Finding("delay", WARNING, text, f"{KEPT}; shift it", (name,))]
+    return [Finding("delay", WARNING, text, f"{KEPT}; shift it", (name,))], float(gain)
 
 
 def _lag(delay: float) -> str:

@@ -17,8 +17,8 @@ CUTOFF_HZ = 20.0
 """Low-pass of position and of effort."""
 RATE_HZ = 50.0
 """Rate of the rows."""
-GUARD_S = 0.03
-"""Rows so near to rest or a reversal are left out: friction is a step there."""
+GUARD_S = 0.06
+"""Rows so near to rest or a reversal are left out: the low-pass spreads the step of friction, by about a period."""
 PIECE_S, PIECES = 15.0, 4
 """A longer log is looked at in so many pieces of this length, spread evenly."""
 END_S = 0.1

@@ -225,7 +225,8 @@ def _shared(table: Table, roots: list[Term]) -> tuple[Table, list[Term]]:
             made, _ = table.total([(a, 1), (b, relative)])
             for i, terms in sums.items():
                 for sign in (1, -1):
-                    if i != made and (a, sign) in terms and (b, sign * relative) in terms:
+                    twice = a != b or relative < 0 or terms.count((a, sign)) > 1
+                    if i != made and (a, sign) in terms and (b, sign * relative) in terms and twice:
                         terms.remove((a, sign))
                         terms.remove((b, sign * relative))
                         terms.append((made, sign))

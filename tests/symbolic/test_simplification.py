@@ -48,3 +48,14 @@ def test_rearrangements(build: object, expected: Operations) -> None:
     graph = Graph()
     found = simplified(build(*(graph.symbol(f"q{k + 1}") for k in range(3))))  # type: ignore[operator]
     assert count(found) == expected
+
+
+def test_a_term_that_stands_twice_in_some_sums_and_once_in_another() -> None:
+    """The pair a + a is shared by the sums that hold it; a sum with a single a keeps it."""
+    graph = Graph()
+    a, b, c, d = (graph.symbol(f"q{k + 1}") for k in range(4))
+    outputs = [a + (a + b), a + (a + c), a + d]
+    found = simplified(outputs)
+    assert count(found) == Operations(0, 4, 0)
+    point = dict(zip(("q1", "q2", "q3", "q4"), (0.7, -0.4, 0.3, 1.9), strict=True))
+    np.testing.assert_allclose(evaluate(found, point), evaluate(outputs, point), rtol=1e-15)

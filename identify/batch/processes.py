@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
@@ -42,6 +43,7 @@ def over_processes(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]
     end by themselves.
     """
     context = multiprocessing.get_context("spawn")
+    resource_tracker.ensure_running()  # its start, within that of the first process, would unblock SIGINT
     waiting = list(range(len(tasks)))
     running: dict[Connection, tuple[int, Any]] = {}
     try:
@@ -50,7 +52,7 @@ def over_processes(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]
                 index = waiting.pop(0)
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(theirs, function, tasks[index]), daemon=True)
-                with _one_thread():
+                with _one_thread(), _uninterrupted():
                     process.start()
                 theirs.close()
                 running[ours] = (index, process)
@@ -79,7 +81,6 @@ def over_processes(function: Callable[..., Any], tasks: Sequence[tuple[Any, ...]
 
 def _work(pipe: Connection, function: Callable[..., Any], task: tuple[Any, ...]) -> None:
     """What each process does: the task, progress on the way, the result at the end."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent hears the interruption and ends us
     threading.Thread(target=_end_with_parent, daemon=True).start()
     pipe.send(("result", function(*task, lambda share, text: pipe.send(("step", (share, text))))))
     pipe.close()
@@ -98,6 +99,16 @@ def _death(status: int | None) -> str:
         hint = ", perhaps for lack of memory" if name == "SIGKILL" else ""
         return f"its process was ended by {name}{hint}; fit it alone"
     return f"its process ended with status {status} and no result; fit it alone"
+
+
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Processes started within never hear an interruption: their parent does, and ends them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

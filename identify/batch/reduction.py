@@ -134,7 +134,7 @@ def _parameters(record: dict[str, Any]) -> list[dict[str, Any]]:
 
     rows = {row["name"]: row for row in (*record["base_parameters"], *record["transmission"])}
     for j, joint in enumerate(record["friction"], 1):
-        rows |= {f"{letters}{j}": joint[key] for key, letters in FRICTION if joint[key] is not None}
+        rows |= {f"{letters}{j}": joint[key] for key, letters in FRICTION if joint.get(key)}
     return [{"name": name, **{key: rows[name][key] for key in ("unit", "estimate", "std")}} for name in record["names"]]
 
 

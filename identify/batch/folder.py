@@ -51,7 +51,7 @@ def fit_batch(
             progress(1.0, "summary")
         summary = summarise(entries, options, others)
         for name, text in files(summary).items():
-            (part / name).write_text(text, encoding="utf-8", newline="")
+            (part / name).write_text(text, encoding="utf-8", errors="backslashreplace", newline="")
     return summary
 
 

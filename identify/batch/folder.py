@@ -7,17 +7,20 @@ import io
 import json
 import os
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from identify.batch.processes import Done, over_processes
+from identify.batch.processes import Done, Step, over_processes
 from identify.batch.reduction import FAILED, Options, Progress, failed, fit_log
 from identify.batch.sources import RESULT_MARKS, Source
 from identify.errors import OutputError
 
 FORMAT = "identify/batch/1"
 RECORD, PAGE, LOGS, PARAMETERS = "summary.json", "summary.html", "summary.csv", "parameters.csv"
+Engine = Callable[[Callable[..., dict[str, Any]], Sequence[tuple[Any, ...]]], Iterator[Done | Step]]
+"""Calls function(*task) for every task, wherever it likes, and tells of each as it is done, by number."""
+
 STATES = ("accept", "warn", "reject", FAILED)
 
 
@@ -30,11 +33,13 @@ def fit_batch(
     force: bool = False,
     others: Sequence[str] = (),
     progress: Progress = None,
+    engine: Engine | None = None,
 ) -> dict[str, Any]:
     """Fit every source over `jobs` processes (None: one a core) and write results and summary; return the summary.
 
-    robot: name or file. others: files of the folder that were left alone. The folder is written whole or not at
-    all, whatever becomes of single logs. RobotError, InputError or OutputError where no log could be fitted at all.
+    robot: name or file. others: files of the folder that were left alone. engine: what maps `fit_log` over the
+    logs instead of this machine's processes. The folder is written whole or not at all, whatever becomes of single
+    logs. RobotError, InputError or OutputError where no log could be fitted at all.
     """
     from identify.estimation.fitting import check_choice
     from identify.logs.folders import replacing_folder
@@ -46,7 +51,8 @@ def fit_batch(
     check_choice(options.model, options.estimator)
     with replacing_folder(target) as part:
         tasks = [(source, robot, str(part), options) for source in sources]
-        entries = _gathered(tasks, jobs or cores(), progress)
+        stream = engine(fit_log, tasks) if engine else over_processes(fit_log, tasks, jobs or cores())
+        entries = _gathered(tasks, stream, progress)
         if progress:
             progress(1.0, "summary")
         summary = summarise(entries, options, others)
@@ -119,11 +125,13 @@ def check_target(target: Path, force: bool) -> None:
         raise OutputError(f"{target}: holds other things than a batch; --force only replaces batches")
 
 
-def _gathered(tasks: Sequence[tuple[Any, ...]], jobs: int, progress: Progress) -> list[dict[str, Any]]:
-    """The entry of every task, in their order."""
+def _gathered(
+    tasks: Sequence[tuple[Any, ...]], stream: Iterator[Done | Step], progress: Progress
+) -> list[dict[str, Any]]:
+    """The entry of every task, in their order, from what an engine tells of them as it comes."""
     entries: dict[int, dict[str, Any]] = {}
     shares = [0.0] * len(tasks)
-    for told in over_processes(fit_log, tasks, jobs):
+    for told in stream:
         source: Source = tasks[told.index][0]
         if isinstance(told, Done):
             entries[told.index] = failed(source, told.death) if told.death else told.result
@@ -156,13 +164,12 @@ def _log_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _parameter_rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
     """A row for each parameter: over all logs, then estimate and standard deviation of each."""
-    fits = [entry for entry in summary["fits"] if entry["parameters"]]
+    fits = {e["name"]: {p["name"]: p for p in e["parameters"]} for e in summary["fits"] if e["parameters"]}
     rows = []
-    for j, parameter in enumerate(summary["parameters"]):
+    for parameter in summary["parameters"]:
         row = {**parameter, "odd": " ".join(parameter["odd"])}
-        for entry in fits:
-            own = entry["parameters"][j]
-            row |= {entry["name"]: own["estimate"], f"{entry['name']} std": own["std"]}
+        for log, own in fits.items():
+            row |= {log: own[parameter["name"]]["estimate"], f"{log} std": own[parameter["name"]]["std"]}
         rows.append(row)
     return rows
 

@@ -24,7 +24,8 @@ def panels(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Small multiples as `markup.figures` takes them: parameters of the links, then of friction and drives."""
     fits = [fit for fit in summary["fits"] if fit["parameters"]]
     names = [p["name"] for p in summary["parameters"]]
-    x, sigma = (np.array([[p[key] for p in fit["parameters"]] for fit in fits], float) for key in ("estimate", "std"))
+    tables = [{p["name"]: p for p in fit["parameters"]} for fit in fits]
+    x, sigma = (np.array([[t[name][key] for name in names] for t in tables], float) for key in ("estimate", "std"))
     away = (x - np.median(x, axis=0)) / np.maximum(sigma, 1e-300)
     odd = np.array([[fit["name"] in p["odd"] for p in summary["parameters"]] for fit in fits])
     joint = np.array([name[:2] in ("Fv", "Fs", "of") or name[:3] == "Iam" for name in names])

@@ -28,8 +28,8 @@ _KIND = re.compile(r"(Iam|Fvm|Fsm|Fv|Fs|off)\d+")
 def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Compare fitted logs of one robot, or of several of one kind.
 
-    entries: of each log name, unit (its sub-folder), parameters [{name, unit, estimate, std}], the same for all, and
-    independent_parameters (p²/‖correlation‖²).
+    entries: of each log name, unit (its sub-folder), parameters [{name, unit, estimate, std}], of which those that
+    all have are compared, and independent_parameters (p²/‖correlation‖²).
 
     Of each parameter: mean, spread (sample standard deviation) over the logs, std (root mean square of the stated
     ones), and ratio = √(Σ((x − weighted mean)/σ)²/(k − 1)), 1 where σ is true and the logs differ by chance
@@ -37,10 +37,12 @@ def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     sub-folder where there are several. `odd` names logs with an estimate farther from the median than FAR times what
     is usual: the parameter's own median deviation, and that of parameters of its kind in units of σ, at least σ.
     """
-    names = [p["name"] for p in entries[0]["parameters"]] if entries else []
-    units = [p["unit"] for p in entries[0]["parameters"]] if entries else []
+    tables = [{p["name"]: p for p in entry["parameters"]} for entry in entries]
+    names = [name for name in (tables[0] if tables else ()) if all(name in table for table in tables)]
     x, sigma = (
-        np.array([[p[key] for p in e["parameters"]] for e in entries], dtype=float).reshape(len(entries), len(names))
+        np.array([[table[name][key] for name in names] for table in tables], dtype=float).reshape(
+            len(tables), len(names)
+        )
         for key in ("estimate", "std")
     )
     sigma = np.maximum(sigma, 1e-300)
@@ -67,7 +69,7 @@ def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for j, name in enumerate(names):
         row: dict[str, Any] = {
             "name": name,
-            "unit": units[j],
+            "unit": tables[0][name]["unit"],
             "mean": float(x[:, j].mean()),
             "spread": float(x[:, j].std(ddof=1)) if len(x) > 1 else None,
             "std": float(np.sqrt((sigma[:, j] ** 2).mean())),

@@ -139,3 +139,12 @@ def test_less_than_two_logs_compare_nothing(logs: int) -> None:
     assert found["odd"] == []
     assert len(found["parameters"]) == (M if logs else 0)
     assert all(row["spread"] is None and row["ratio"] is None for row in found["parameters"])
+
+
+def test_parameters_that_not_every_log_has_are_left_out() -> None:
+    made = entries(np.tile(TRUE, (2, 1)), np.diag(SIGMA**2))
+    made[0]["parameters"] = made[0]["parameters"][::-1]
+    del made[1]["parameters"][3]
+    found = spread(made)
+    assert [row["name"] for row in found["parameters"]] == [name for name in reversed(NAMES) if name != NAMES[3]]
+    assert {row["name"]: row["mean"] for row in found["parameters"]}[NAMES[7]] == pytest.approx(TRUE[7])

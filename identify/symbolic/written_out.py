@@ -50,7 +50,7 @@ class Angles:
             if c.name.startswith("C"):
                 both = (sympy.expand(best.xreplace({x**2: 1 - y**2})) for x, y in ((s, c), (c, s)))
                 best = min(best, *both, key=_length)
-        sums = self._as_sums(best)
+        sums = self._as_sums(best) if self.functions else None
         return best if sums is None or _length(sums) >= _length(best) else sums
 
     def _as_sums(self, coefficient: sympy.Expr) -> sympy.Expr | None:

@@ -17,7 +17,7 @@ from printed_models import printed
 from symbolic_models import tilted
 
 from identify.errors import InputError
-from identify.robot.robot import Robot
+from identify.robot.robot import Joint, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.expression import Expression, Graph, reachable
 from identify.symbolic.lagrange import lagrange, symbolic_lagrange
@@ -292,3 +292,17 @@ def test_big_models_have_intermediate_variables_and_small_ones_none() -> None:
     assert "t1" not in symbolic_lagrange(carrier()).expressions
     with pytest.raises(InputError, match="choose one of standard, base"):
         symbolic_lagrange(carrier(), "all")
+
+
+def test_an_arm_without_revolute_joints_has_no_angles() -> None:
+    """Three slides along x, y, z: A is the masses that each carries, Q the weight of all on the vertical one."""
+    right = np.pi / 2
+    rows = [(0.0, 0.0), (right, right), (right, right)]
+    joints = tuple(Joint(f"joint_{j + 1}", "prismatic", j - 1, a, 0, theta) for j, (a, theta) in enumerate(rows))
+    found = symbolic_lagrange(Robot("slides", joints)).expressions
+    m = sympy.symbols("M1:4")
+    ia = sympy.symbols("Ia1:4")
+    for i in range(3):
+        assert found[f"A{i + 1}{i + 1}"] == ia[i] + sum(m[i:])
+    assert [found[x] for x in ("A12", "A13", "A23", "Q2", "Q3")] == [0] * 5
+    assert found["Q1"] == sympy.expand(-sympy.Symbol("G3") * sum(m))

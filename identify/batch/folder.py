@@ -65,7 +65,7 @@ def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Seque
     """The content of summary.json from the entries of `fit_log`, whichever engine mapped it."""
     from identify.validation.spread import spread
 
-    entries = sorted(entries, key=lambda entry: str(entry["name"]))
+    entries = sorted(entries, key=lambda entry: (entry["unit"], entry["name"]))
     known = next((entry for entry in entries if entry["robot"]), None)
     counts = Counter(entry["status"] for entry in entries)
     fitted = [entry for entry in entries if entry["parameters"]]

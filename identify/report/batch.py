@@ -24,6 +24,7 @@ from identify.report.markup import (
     table,
 )
 from identify.report.page import document, printable, section_html
+from identify.report.record import short
 from identify.report.symbols import symbol_html
 
 Summary = Mapping[str, Any]
@@ -81,7 +82,7 @@ def _logs(summary: Summary) -> Section:
         body += "<h3>Why models come with a warning</h3>"
         told = [f"{why} ({_whose(names, len(known))})" for why, names in warnings.items()]
         body += listing(told, "reasons")
-    told = [_odd(row) for row in summary["odd"]]
+    told = [sentence for _, sentence in _odd(summary)]
     told += [f"{esc(', '.join(names))} are one and the same file and agree by nature." for names in summary["same"]]
     return Section("logs", 1, "Logs", "What came of each?", body, warnings=tuple(told))
 
@@ -91,21 +92,30 @@ def _log_table(fits: Sequence[Mapping[str, Any]]) -> str:
     test = any(fit["test_moving_relative_residual_percent"] is not None for fit in known)
     head = [("log", "text"), ("state", "word"), ('length <span class="unit">[s]</span>', "number")]
     head += [("error while moving", "number")] + ([("on unseen motion", "number")] if test else [])
-    head += [("identified", "number"), ("condition", "number"), ("least known", "text")]
-    rows = []
+    head += [("identified", "number"), ("condition", "number"), ("least known", "word")]
+    rows: list[Sequence[str] | str] = []
+    grouped = len({fit["unit"] for fit in fits}) < len(fits)
+    above = ""
     for fit in fits:
-        cells = [_linked(fit), status(fit["status"]), given(fit["duration_s"], 3)]
+        if grouped and fit["unit"] != above:
+            above = fit["unit"]
+            rows.append(esc(above))
+        cells = [
+            _linked(fit, short(fit["name"]) if grouped else ""),
+            status(fit["status"]),
+            given(fit["duration_s"], 3),
+        ]
         cells.append(percent(fit["moving_relative_residual_percent"]))
         if test:
             cells.append(percent(fit["test_moving_relative_residual_percent"]))
         cells.append(f"{fit['identified']} of {fit['base_parameters']}" if fit["parameters"] else DASH)
         cells.append(significant(fit["condition_number"], 2))
-        worst = [f"{symbol_html(p['name'])} {_relative(p['relative_std_percent'])}" for p in fit["worst"]]
-        rows.append([*cells, ", ".join(worst) or DASH])
+        worst = [f"{symbol_html(p['name'])} {_relative(p['relative_std_percent'])}" for p in fit["worst"][:1]]
+        rows.append([*cells, worst[0] if worst else DASH])
     notes = Notes()
     notes.plain.append(
         "Errors are residuals in percent of the torque, rows at rest set to zero. Identified: base parameters whose σ "
-        "is below 10 % of their value. Least known: those of the largest σ, in percent of their value"
+        "is below 10 % of their value. Least known: the one of the largest σ, in percent of its value"
     )
     return table(head, rows, "Logs and what came of them", notes)
 
@@ -132,7 +142,7 @@ def verdict_on_sigma(summary: Summary) -> str:
         told.append(f"Logs of the same sub-folder, taken for repeats of one robot, {_judged(within, _REPEATS)}")
     told.append(f"{'All logs' if within else 'The logs'} {_judged(every, _ROBOTS if within else _EITHER)}")
     if summary["without_odd"]:
-        names = _listed([row["name"] for row in summary["odd"]])
+        names = _listed([name for name, _ in _odd(summary)])
         told.append(f"This leaves out {names} as odd; with every log it is {_times(summary['agreement'])}.")
     return " ".join(told)
 
@@ -202,19 +212,32 @@ def _provenance(summary: Summary) -> Section:
     return Section("provenance", 3, "Provenance", "Where does it come from?", body)
 
 
-def _odd(row: Mapping[str, Any]) -> str:
-    """A sentence on an odd log, HTML."""
-    shown = [
-        f"{symbol_html(p['name'])} {significant(p['distance'], 2)} times ({significant(p['sigmas'], 2)} σ)"
-        for p in row["parameters"][:MOST]
-    ]
-    more = len(row["parameters"]) - len(shown)
-    told = ", ".join(shown) + (f" and {more} more" if more > 0 else "")
-    return f"<b>{esc(row['name'])}</b> is odd: farther from the median of all logs than is usual, {told}."
+def _odd(summary: Summary) -> list[tuple[str, str]]:
+    """What is odd: a log, or a sub-folder of several odd ones, as plain text, and a sentence on it, HTML."""
+    units = {fit["name"]: fit["unit"] for fit in summary["fits"] if fit["parameters"]}
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for row in summary["odd"]:
+        unit = units.get(row["name"])
+        mates = [other for other in summary["odd"] if unit and units.get(other["name"]) == unit]
+        groups.setdefault(str(unit) if len(mates) > 1 else row["name"], []).append(row)
+    told = []
+    for name, rows in groups.items():
+        worst = max(rows, key=lambda row: row["parameters"][0]["distance"])["parameters"]
+        shown = [
+            f"{symbol_html(p['name'])} {significant(p['distance'], 2)} times ({significant(p['sigmas'], 2)} σ)"
+            for p in worst[:MOST]
+        ]
+        listed = ", ".join(shown) + (f" and {len(worst) - len(shown)} more" if len(worst) > len(shown) else "")
+        which = f" in {len(rows)} of its {list(units.values()).count(name)} logs" if len(rows) > 1 else ""
+        sentence = (
+            f"<b>{esc(name)}</b> is odd{which}. Distance from the median of all logs, against the usual: {listed}."
+        )
+        told.append((name, sentence))
+    return told
 
 
-def _linked(fit: Mapping[str, Any]) -> str:
-    name = esc(fit["name"])
+def _linked(fit: Mapping[str, Any], text: str = "") -> str:
+    name = esc(text or fit["name"])
     return f'<a href="{esc(quote(fit["folder"]))}/report.html">{name}</a>' if fit["folder"] else name
 
 

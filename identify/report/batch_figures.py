@@ -12,8 +12,9 @@ from identify.report.symbols import symbol_text
 
 LEFT, RIGHT, ROW, FOOT = 46.0, 8.0, 15.0, 30.0
 BAND = 2.0
-LEAST = 3.0
-SHARE = 97.0
+LEAST, SHARE = 3.0, 97.0
+"""A panel reaches over this share of its dots [%], and so many σ at least."""
+
 EXPLAINED = (
     "Each row is a parameter, each dot a log: how far its estimate lies from the median of all logs, in its own stated "
     "σ. Where σ is true and nothing but chance differs, nearly all lie in the band. Arrows stand for dots farther out."
@@ -29,11 +30,11 @@ def panels(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     away = (x - np.median(x, axis=0)) / np.maximum(sigma, 1e-300)
     odd = np.array([[fit["name"] in p["odd"] for p in summary["parameters"]] for fit in fits])
     joint = np.array([name[:2] in ("Fv", "Fs", "of") or name[:3] == "Iam" for name in names])
-    reach = float(np.clip(1.15 * np.percentile(np.abs(away), SHARE), LEAST, 1e6))
     shown = []
     for key, title, mine in (("links", "Links", ~joint), ("drives", "Friction and drives", joint)):
         if mine.any():
             label = f"{title}: distance of {len(fits)} logs from their median in standard deviations."
+            reach = float(np.clip(1.15 * np.percentile(np.abs(away[:, mine]), SHARE), LEAST, 1e6))
             chosen = [name for name, own in zip(names, mine, strict=True) if own]
             shown.append(
                 (title, "distance in σ", _strip(chosen, away[:, mine], odd[:, mine], reach, f"b-{key}", label))

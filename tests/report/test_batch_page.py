@@ -97,6 +97,17 @@ def test_repeats_and_robots_are_told_apart() -> None:
     assert "σ is believable. All logs differ by" in told
 
 
+def test_a_sub_folder_of_odd_logs_is_named_once() -> None:
+    pairs = [(u, k) for u in range(4) for k in range(2)]
+    moved = {(2, 0): {"Fv2": 80.0}, (2, 1): {"Fv2": 80.0}}
+    made = summary(*(fitted(f"arm{u}/{k}", moved.get((u, k)), 10 * u + k, f"arm{u}") for u, k in pairs))
+    assert [row["name"] for row in made["odd"]] == ["arm2/0", "arm2/1"]
+    page = batch_page(made)
+    assert page.count("is odd") == 1
+    assert "<b>arm2</b> is odd in 2 of its 2 logs" in page
+    assert "leaves out arm2 as odd" in page
+
+
 def test_one_file_twice_is_named() -> None:
     entries = [fitted("a"), fitted("b", None, 1), fitted("copy of a")]
     entries[2]["sha256"] = "a"

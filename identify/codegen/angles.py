@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from identify.symbolic.expression import Expression, Graph, arguments, cos, reachable, sin
+from identify.symbolic.expression import ARITHMETIC, OPERATIONS, Expression, Graph, reachable
 
 
 def with_products(outputs: Sequence[Expression]) -> list[Expression]:
@@ -24,26 +24,19 @@ def with_products(outputs: Sequence[Expression]) -> list[Expression]:
         """cos or sin of the old node i."""
         node = old.nodes[i]
         if node[0] not in ("add", "sub") or not set(node[1:]) <= both:
-            return cos(made[i]) if name == "cos" else sin(made[i])
+            return OPERATIONS[name](made[i])
         (ca, sa), (cb, sb) = ((turned("cos", k), turned("sin", k)) for k in node[1:])
         if node[0] == "sub":
             sb = -sb
         return ca * cb - sa * sb if name == "cos" else sa * cb + ca * sb
 
     for i in live:
-        node = old.nodes[i]
-        x = [made[k] for k in arguments(node)]
-        match node[0]:
+        kind, *rest = old.nodes[i]
+        match kind:
             case "constant" | "symbol":
-                made[i] = new.node(*node)
-            case "add":
-                made[i] = x[0] + x[1]
-            case "sub":
-                made[i] = x[0] - x[1]
-            case "mul":
-                made[i] = x[0] * x[1]
-            case "neg":
-                made[i] = -x[0]
-            case name:
-                made[i] = turned(name, node[1])
+                made[i] = new.node(kind, *rest)
+            case "cos" | "sin":
+                made[i] = turned(kind, rest[0])
+            case _:
+                made[i] = ARITHMETIC[kind](*(made[k] for k in rest))
     return [made[e.index] for e in outputs]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
 from collections.abc import Sequence
+
+from identify.symbolic.circular import QUARTER, QUARTERS_PER_RADIAN, taylor
 
 CALL = re.compile(r"(cos|sin)\((.+)\)")
 NAME = re.compile(r"\bt\d+\b")
@@ -19,29 +20,16 @@ FARTHEST = 1e5
 
 def _taylor(first: int, last: int) -> str:
     """Horner's form in z = r² of the Taylor series of sine (odd) or cosine (even) from the power `first` on."""
-    coefficients = [(-1) ** (k // 2) / math.factorial(k) for k in range(first, last + 1, 2)]
+    coefficients = taylor(range(first, last + 1, 2))
     text = repr(coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         text = f"{coefficient!r} + z * ({text})"
     return "\n                ".join(textwrap.wrap(text, 100, break_on_hyphens=False))
 
 
-def _quarter() -> tuple[float, float, float]:
-    """π/2 as a sum of three numbers: the first two of few bits, so that their products with the turns are exact."""
-    import sympy
-
-    left, parts = sympy.pi / 2, []
-    for bits in (33, 33, 53):
-        scale = 2 ** (bits - 1 - int(sympy.floor(sympy.log(left, 2).evalf(40))))
-        part = int(sympy.floor((left * scale).evalf(60)))
-        parts.append(part / scale)
-        left -= sympy.Rational(part, scale)
-    return parts[0], parts[1], parts[2]
-
-
 def cosines_sines() -> list[str]:
     """Lines of the helper."""
-    a, b, c = _quarter()
+    a, b, c = QUARTER
     return f"""\
 /* Cosines and sines of `count` angles, to the last bit or two: Taylor's series after taking off quarter turns. Own
    code, for the same bits whatever the library, and because compilers can work on several angles at once. */
@@ -58,7 +46,7 @@ static void cosines_sines(int count, const double angle[], double cosine[], doub
     }}
     for (int i = 0; i < count; ++i) {{
         const double x = angle[i];
-        const int quarters = (int)(x * {2 / math.pi!r} + (x < 0.0 ? -0.5 : 0.5));
+        const int quarters = (int)(x * {QUARTERS_PER_RADIAN!r} + (x < 0.0 ? -0.5 : 0.5));
         const double k = (double)quarters;
         const double r = ((x - k * {a!r}) - k * {b!r}) - k * {c!r};
         const double z = r * r;

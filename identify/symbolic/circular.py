@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import factorial
 
-from identify.symbolic.expression import Expression, reachable
+from identify.symbolic.expression import ARITHMETIC, Expression, reachable
 
 QUARTER = (1.5707963267341256, 6.077100506303966e-11, 2.0222662487959506e-21)
 """π/2 as a sum: the first two have 33 bits, so that 20-bit multiples of them are exact."""
@@ -29,24 +29,17 @@ def as_arithmetic(outputs: Sequence[Expression]) -> list[Expression]:
     made: dict[int, Expression] = {}
     circles: dict[int, tuple[Expression, Expression]] = {}
     for i in reachable(graph, outputs):
-        operation, *rest = graph.nodes[i]
-        if operation in ("constant", "symbol"):
-            made[i] = Expression(graph, i)
-            continue
-        x = [made[k] for k in rest]
-        match operation:
-            case "add":
-                made[i] = x[0] + x[1]
-            case "sub":
-                made[i] = x[0] - x[1]
-            case "mul":
-                made[i] = x[0] * x[1]
-            case "neg":
-                made[i] = -x[0]
+        kind, *rest = graph.nodes[i]
+        match kind:
+            case "constant" | "symbol":
+                made[i] = Expression(graph, i)
             case "cos" | "sin":
-                if x[0].index not in circles:
-                    circles[x[0].index] = cosine_and_sine(x[0])
-                made[i] = circles[x[0].index][operation == "sin"]
+                x = made[rest[0]]
+                if x.index not in circles:
+                    circles[x.index] = cosine_and_sine(x)
+                made[i] = circles[x.index][kind == "sin"]
+            case _:
+                made[i] = ARITHMETIC[kind](*(made[k] for k in rest))
     return [made[e.index] for e in outputs]
 
 
@@ -71,9 +64,14 @@ def _rounded(x: Expression) -> Expression:
     return (x + ROUNDING) - ROUNDING
 
 
+def taylor(powers: range) -> list[float]:
+    """Coefficients ±1 / power! of these powers, even ones of cosine and odd ones of sine."""
+    return [(-1) ** (power // 2) / factorial(power) for power in powers]
+
+
 def _series(square: Expression, powers: range) -> Expression:
-    """Σ ±square^k / power! by Horner's rule, the sign that of the power in the series of the circular functions."""
-    terms = [(-1) ** (power // 2) / factorial(power) for power in powers]
+    """Σ of the Taylor terms of these powers, divided by the least of them, by Horner's rule in the angle's square."""
+    terms = taylor(powers)
     total: Expression = square.graph.constant(terms[-1])
     for term in reversed(terms[:-1]):
         total = total * square + term

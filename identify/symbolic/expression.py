@@ -7,9 +7,10 @@ construction. Nodes are numbered in the order of their making: a node's argument
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import operator
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Union
+from typing import Any, Union
 
 Number = int | float
 Scalar = Union["Expression", Number]
@@ -132,6 +133,18 @@ def sin(x: Expression) -> Expression:
     return x.graph.constant(math.sin(x.value)) if x.value is not None else x.graph.node("sin", x.index)
 
 
+ARITHMETIC: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "neg": operator.neg,
+}
+"""Each operation of a node but the circular functions: on expressions, on numbers or on SymPy's expressions."""
+
+OPERATIONS: dict[str, Callable[..., Expression]] = ARITHMETIC | {"cos": cos, "sin": sin}
+"""Each operation of a node, on expressions."""
+
+
 def reachable(graph: Graph, outputs: Iterable[Expression]) -> list[int]:
     """Indices, in order, of all nodes that the outputs read: what is dead is left out."""
     live: set[int] = set()
@@ -154,27 +167,17 @@ def evaluate(outputs: Sequence[Expression], values: Mapping[str, float]) -> list
     if not outputs:
         return []
     graph = outputs[0].graph
+    operations = ARITHMETIC | {"cos": math.cos, "sin": math.sin}
     result: dict[int, float] = {}
     for i in reachable(graph, outputs):
-        node = graph.nodes[i]
-        x = [result[k] for k in arguments(node)]
-        match node[0]:
+        kind, *rest = graph.nodes[i]
+        match kind:
             case "constant":
-                result[i] = node[1]
+                result[i] = rest[0]
             case "symbol":
-                result[i] = values[node[1]]
-            case "add":
-                result[i] = x[0] + x[1]
-            case "sub":
-                result[i] = x[0] - x[1]
-            case "mul":
-                result[i] = x[0] * x[1]
-            case "neg":
-                result[i] = -x[0]
-            case "cos":
-                result[i] = math.cos(x[0])
-            case "sin":
-                result[i] = math.sin(x[0])
+                result[i] = values[rest[0]]
+            case _:
+                result[i] = operations[kind](*(result[k] for k in rest))
     return [result[e.index] for e in outputs]
 
 

@@ -8,7 +8,6 @@ volumes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from identify.errors import InputError
 from identify.robot.robot import Robot
@@ -35,9 +34,6 @@ from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import directional
 from identify.symbolic.representative import parameter_name
 from identify.symbolic.written_out import written_out
-
-if TYPE_CHECKING:
-    pass
 
 TERMS = 300
 """Terms that the entries of A may have together to be written out."""

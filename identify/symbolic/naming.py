@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from identify.symbolic.expression import Expression, Graph, Scalar, arguments, cos, evaluate, reachable, sin
+from identify.symbolic.expression import (
+    ARITHMETIC,
+    OPERATIONS,
+    Expression,
+    Graph,
+    Scalar,
+    arguments,
+    evaluate,
+    reachable,
+)
 from identify.symbolic.geometry import canonical, trigonometric
 from identify.symbolic.operations import varying
 from identify.symbolic.simplification import simplified
@@ -124,18 +133,11 @@ def _expression(node: tuple, x: Sequence[sympy.Expr]) -> sympy.Expr:
             return exact(node[1])
         case "symbol":
             return sympy.Symbol(node[1])
-        case "add":
-            return x[0] + x[1]
-        case "sub":
-            return x[0] - x[1]
-        case "mul":
-            return x[0] * x[1]
-        case "neg":
-            return -x[0]
         case "cos":
             return sympy.cos(x[0])
-        case _:
+        case "sin":
             return sympy.sin(x[0])
+    return ARITHMETIC[node[0]](*x)
 
 
 def exact(value: float) -> sympy.Expr:
@@ -209,7 +211,7 @@ def graph_of(graph: Graph, expression: sympy.Expr) -> Expression:
         return graph.constant(1) * total
     kind = expression.func.__name__
     if kind in ("cos", "sin"):
-        return (cos if kind == "cos" else sin)(parts[0])
+        return OPERATIONS[kind](parts[0])
     if expression.is_Pow and expression.exp.is_Integer and expression.exp > 0:
         total = parts[0]
         for _ in range(int(expression.exp) - 1):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from identify.symbolic.expression import Expression, Scalar, arguments, cos, reachable, sin
+from identify.symbolic.expression import OPERATIONS, Expression, Scalar, arguments, cos, reachable, sin
 
 
 def substituted(outputs: Sequence[Expression], values: Mapping[str, Scalar]) -> list[Expression]:
@@ -12,29 +12,16 @@ def substituted(outputs: Sequence[Expression], values: Mapping[str, Scalar]) -> 
     graph = outputs[0].graph
     place: dict[int, Expression] = {}
     for i in reachable(graph, outputs):
-        node = graph.nodes[i]
-        place[i] = _again(Expression(graph, i), [place[k] for k in arguments(node)], values)
+        kind, *rest = graph.nodes[i]
+        match kind:
+            case "constant":
+                place[i] = Expression(graph, i)
+            case "symbol":
+                value = values.get(rest[0], Expression(graph, i))
+                place[i] = value if isinstance(value, Expression) else graph.constant(value)
+            case _:
+                place[i] = OPERATIONS[kind](*(place[k] for k in rest))
     return [place[e.index] for e in outputs]
-
-
-def _again(old: Expression, x: list[Expression], values: Mapping[str, Scalar]) -> Expression:
-    match old.key[0]:
-        case "symbol":
-            value = values.get(old.key[1], old)
-            return value if isinstance(value, Expression) else old.graph.constant(value)
-        case "add":
-            return x[0] + x[1]
-        case "sub":
-            return x[0] - x[1]
-        case "mul":
-            return x[0] * x[1]
-        case "neg":
-            return -x[0]
-        case "cos":
-            return cos(x[0])
-        case "sin":
-            return sin(x[0])
-    return old
 
 
 def directional(outputs: Sequence[Expression], direction: Mapping[str, Expression]) -> list[Expression]:

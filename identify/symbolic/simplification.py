@@ -11,13 +11,14 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from itertools import combinations
 
-from identify.symbolic.expression import Expression, Graph, Scalar, arguments, cos, reachable, sin
+from identify.symbolic.expression import OPERATIONS, Expression, Graph, Scalar, arguments, reachable
 from identify.symbolic.operations import varying
 
 Term = tuple[int, int]
 """A node of the table and the sign, ±1, with which it enters a sum."""
 
 Rule = Callable[["Table", "Table", int, dict[int, Term]], Term]
+"""(old table, new table, node of the old one, places of its children in the new one) → place in the new one."""
 
 
 class Table:
@@ -115,9 +116,7 @@ def _signs_pulled_out(old: Graph, outputs: Sequence[Expression]) -> tuple[Table,
     return table, [place[e.index] for e in outputs]
 
 
-def _rebuilt(
-    table: Table, roots: Sequence[Term], rule: Callable[[Table, Table, int, dict[int, Term]], Term]
-) -> tuple[Table, list[Term]]:
+def _rebuilt(table: Table, roots: Sequence[Term], rule: Rule) -> tuple[Table, list[Term]]:
     """A new table of what the roots read, each sum and product made anew by `rule(old, new, node, places)`."""
     new = Table()
     place: dict[int, Term] = {}
@@ -280,11 +279,7 @@ def _expressions(old: Graph, table: Table, roots: Sequence[Term]) -> list[Expres
             if kind in ("constant", "symbol"):
                 constants[i] = graph.node(kind, *rest)
             else:
-                x = [constant(k) for k in rest]
-                constants[i] = {
-                    "add": lambda: x[0] + x[1], "sub": lambda: x[0] - x[1], "mul": lambda: x[0] * x[1],
-                    "neg": lambda: -x[0], "cos": lambda: cos(x[0]), "sin": lambda: sin(x[0]),
-                }[kind]()  # fmt: skip
+                constants[i] = OPERATIONS[kind](*(constant(k) for k in rest))
         return constants[i]
 
     for i in table.live([k for k, _ in roots]):
@@ -303,7 +298,7 @@ def _expressions(old: Graph, table: Table, roots: Sequence[Term]) -> list[Expres
                 product = product * place[k]
             place[i] = product  # type: ignore[assignment]
         else:
-            place[i] = (cos if kind == "cos" else sin)(place[rest[0]])
+            place[i] = OPERATIONS[kind](place[rest[0]])
     return [_signed(place[k], s) for k, s in roots]
 
 

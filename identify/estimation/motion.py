@@ -22,6 +22,8 @@ PIECE_S = 20.0
 FORGOTTEN = 1e-11
 """Share of what a low-pass met at an end of a record that may be left of it where the end counts as far away."""
 
+_BLOCK = 1 << 16
+
 GROUP = 48
 """Thinned rows made in one product: more would multiply more zeros, fewer would be less of a matrix."""
 
@@ -61,16 +63,32 @@ def clock(log: Log, jitter: float = JITTER) -> tuple[np.ndarray, float, bool]:
     differs by more than `jitter` of itself."""
     step = (log.time[-1] - log.time[0]) / (log.samples - 1)
     even = log.time[0] + step * np.arange(log.samples)
-    regular = np.abs(np.diff(log.time) - step).max() <= jitter * step and np.abs(even - log.time).max() <= step
-    return even, 1 / step, bool(regular)
+    off, uneven = 0.0, 0.0
+    for start in range(0, log.samples, _BLOCK):  # a log may be long
+        times = log.time[start : start + _BLOCK + 1]
+        off = max(off, np.abs(even[start : start + _BLOCK + 1] - times).max())
+        uneven = max(uneven, np.abs(np.diff(times) - step).max(initial=0.0))
+    return even, 1 / step, bool(uneven <= jitter * step and off <= step)
+
+
+def beneath(log: Log, time: np.ndarray) -> slice:
+    """The log's samples between which times (m,), in order, lie."""
+    first = max(0, int(np.searchsorted(log.time, time[0], side="right")) - 1)
+    return slice(first, max(int(np.searchsorted(log.time, time[-1])) + 1, first + 1))
+
+
+def interpolated(time: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """(m, n): x (N, n) at times `at` (N,) interpolated linearly at times (m,)."""
+    out = np.empty((len(time), x.shape[1]))
+    for j, column in enumerate(x.T):
+        out[:, j] = np.interp(time, at, column)
+    return out
 
 
 def resampled(log: Log, time: np.ndarray, *channels: np.ndarray) -> list[np.ndarray]:
     """The log's channels (N, n), interpolated linearly, at times (m,) in order."""
-    first = max(0, int(np.searchsorted(log.time, time[0], side="right")) - 1)
-    last = int(np.searchsorted(log.time, time[-1])) + 1
-    part = slice(first, max(last, first + 1))
-    return [np.column_stack([np.interp(time, log.time[part], c) for c in x[part].T]) for x in channels]
+    part = beneath(log, time)
+    return [interpolated(time, log.time[part], x[part]) for x in channels]
 
 
 def uniform(log: Log, *channels: np.ndarray, jitter: float = JITTER) -> tuple[np.ndarray, list[np.ndarray], float]:
@@ -117,15 +135,22 @@ def motion_of(log: Log, cutoff: float) -> Motion:
 
 def motion_pieces(log: Log, cutoff: float) -> Iterator[tuple[slice, Motion]]:
     """`motion_of` piece by piece, for long logs: the samples of each, and the motion there."""
-    time, rate, regular = clock(log)
-    step, margin = max(1, round(PIECE_S * rate)), settled(cutoff, rate)
-    for start in range(0, len(time), step):
-        rows = slice(start, min(start + step, len(time)))
-        around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
-        position = log.position[around] if regular else resampled(log, time[around], log.position)[0]
-        inside = slice(rows.start - around.start, rows.stop - around.start)
-        q, dq, ddq = differentiated(position, cutoff, rate)
-        yield rows, Motion(time[rows], q[inside], dq[inside], ddq[inside], rate)
+    ticks = clock(log)
+    step = max(1, round(PIECE_S * ticks[1]))
+    for start in range(0, log.samples, step):
+        rows = slice(start, min(start + step, log.samples))
+        yield rows, motion_at(log, rows, cutoff, ticks)
+
+
+def motion_at(log: Log, rows: slice, cutoff: float, ticks: tuple[np.ndarray, float, bool]) -> Motion:
+    """`motion_of` at these rows alone, without step; ticks: the log's `clock`."""
+    time, rate, regular = ticks
+    margin = settled(cutoff, rate)
+    around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
+    position = log.position[around] if regular else resampled(log, time[around], log.position)[0]
+    inside = slice(rows.start - around.start, rows.stop - around.start)
+    q, dq, ddq = differentiated(position, cutoff, rate)
+    return Motion(time[rows], q[inside], dq[inside], ddq[inside], rate)
 
 
 def decimated(x: np.ndarray, factor: int, rate: float) -> np.ndarray:

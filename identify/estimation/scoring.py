@@ -6,12 +6,13 @@ rows of a joint that is at rest are set to zero in both.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from identify.estimation.motion import low_pass, uniform
+from identify.estimation.motion import PIECE_S, beneath, clock, interpolated, low_pass, settled
 from identify.estimation.settings import STILL
 from identify.logs.log import Log
 from identify.robot.robot import Robot
@@ -26,11 +27,18 @@ WHY_NOT = {
 }
 
 
-def speed_of(log: Log, joints: slice = slice(None)) -> np.ndarray:
-    """(N, joints) measured velocity where the log has it, else differences of the position low-passed at 20 Hz."""
+def speed_of(log: Log, rows: slice = slice(None)) -> np.ndarray:
+    """(rows, n) measured velocity where the log has it, else differences of the position low-passed at 20 Hz.
+
+    rows: without step; of a part of a log, as of the whole.
+    """
     if log.velocity is not None:
-        return log.velocity[:, joints]
-    return np.gradient(low_pass(log.position[:, joints], SPEED_CUTOFF_HZ, log.rate_hz), log.time, axis=0)
+        return log.velocity[rows]
+    start, stop, _ = rows.indices(log.samples)
+    margin = settled(SPEED_CUTOFF_HZ, log.rate_hz) + 1
+    around = slice(max(0, start - margin), stop + margin)
+    smooth = low_pass(log.position[around], SPEED_CUTOFF_HZ, log.rate_hz)
+    return np.gradient(smooth, log.time[around], axis=0)[start - around.start :][: stop - start]
 
 
 def relative(measured: np.ndarray, predicted: np.ndarray) -> float | None:
@@ -50,49 +58,100 @@ def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot)
     RMSE in N·m or N, residuals in percent. Each log is filtered on its own. rmse and moving_rmse are over every sample,
     the latter with rows at rest set to zero before the filter; rest_rmse is that of the samples at rest.
     """
-    joints = []
-    # Squared norms of error and effort, over all samples and moving: one joint at a time, as a log may be long.
-    norms = np.zeros((2, 2))
-    for j, joint in enumerate(robot.joints):
-        parts = [_filtered(log, hat, slice(j, j + 1)) for log, hat in zip(logs, predictions, strict=True)]
-        tau, guess, tau_moving, guess_moving, moves = (np.concatenate(x)[:, 0] for x in zip(*parts, strict=True))
-        error, moving_error = tau - guess, tau_moving - guess_moving
-        norms += [[error @ error, tau @ tau], [moving_error @ moving_error, tau_moving @ tau_moving]]
-        joints.append(
-            {
-                "joint": joint.name,
-                "unit": joint.effort_unit,
-                "rmse": _rms(error),
-                "relative_residual_percent": relative(tau, guess),
-                "moving_relative_residual_percent": relative(tau_moving, guess_moving),
-                "moving_rmse": _rms(moving_error) if moves.any() else None,
-                "rest_rmse": _rms(error[~moves]) if not moves.all() else None,
-                "max_abs_error": float(np.abs(error).max()),
-                "std_of_signal": float(tau.std()),
-                "rest_share_percent": float(100 * (~moves).mean()),
-            }
-        )
-    whole, moving = (float(100 * np.sqrt(error / size)) if size > 0 else None for error, size in norms)
+    tallies = [_Tally.of(x) for log, hat in zip(logs, predictions, strict=True) for x in pieces(log, hat)]
+    count = np.array([[tally.count] for tally in tallies])
+    mean = np.array([tally.mean for tally in tallies])
+    samples, middle = count.sum(), (count * mean).sum(axis=0) / count.sum()
+    power, moving_power, error, moving_error, rest_error, rest = np.sum([tally.sums for tally in tallies], axis=0)
+    within = np.sum([tally.scatter for tally in tallies], axis=0)
+    scatter = within + (count * (mean - middle) ** 2).sum(axis=0)
+    largest = np.max([tally.largest for tally in tallies], axis=0)
+    joints = [
+        {
+            "joint": joint.name,
+            "unit": joint.effort_unit,
+            "rmse": float(np.sqrt(error[j] / samples)),
+            "relative_residual_percent": _percent(error[j], power[j]),
+            "moving_relative_residual_percent": _percent(moving_error[j], moving_power[j]),
+            "moving_rmse": float(np.sqrt(moving_error[j] / samples)) if rest[j] < samples else None,
+            "rest_rmse": float(np.sqrt(rest_error[j] / rest[j])) if rest[j] else None,
+            "max_abs_error": float(largest[j]),
+            "std_of_signal": float(np.sqrt(scatter[j] / samples)),
+            "rest_share_percent": float(100 * rest[j] / samples),
+        }
+        for j, joint in enumerate(robot.joints)
+    ]
     total = {
-        "relative_residual_percent": whole,
-        "moving_relative_residual_percent": moving,
+        "relative_residual_percent": _percent(error.sum(), power.sum()),
+        "moving_relative_residual_percent": _percent(moving_error.sum(), moving_power.sum()),
         "per_joint": [explained(joint, WHY_NOT) for joint in joints],
         "duration_s": float(sum(log.duration for log in logs)),
     }
     return explained(total, WHY_NOT)
 
 
-def _filtered(log: Log, predicted: np.ndarray, joints: slice) -> tuple[np.ndarray, ...]:
-    """Of these joints: measured and predicted effort low-passed, both with rows at rest zero, and which rows move."""
+@dataclass(frozen=True)
+class Piece:
+    """Some rows of a log on its even clock, and as many around them as the rule's filter reaches.
+
+    rows, around: without and with those around; rate [Hz]. effort, error (measured − predicted) and moves (m, n) are
+    all of `around`; what is low-passed is of `rows` alone.
+    """
+
+    rows: slice
+    around: slice
+    rate: float
+    effort: np.ndarray
+    error: np.ndarray
+    moves: np.ndarray
+
+    def low_passed(self, x: np.ndarray) -> np.ndarray:
+        """(rows, n) of x (m, n) by the rule's filter."""
+        return low_pass(x, CUTOFF_HZ, self.rate)[self.inside]
+
+    @property
+    def inside(self) -> slice:
+        """Where `rows` are in `around`."""
+        return slice(self.rows.start - self.around.start, self.rows.stop - self.around.start)
+
+
+def pieces(log: Log, predicted: np.ndarray) -> Iterator[Piece]:
+    """The whole log piece by piece, as one may be long; predicted (N, n)."""
     assert log.effort is not None
     # The rule interpolates whatever the clock; figures then agree to the last digit.
-    channels = (log.effort[:, joints], predicted[:, joints], speed_of(log, joints))
-    _, (effort, hat, speed), rate = uniform(log, *channels, jitter=0.0)
-    cutoff = min(CUTOFF_HZ, 0.4 * rate)
-    moves = np.abs(speed) > STILL
-    smooth = [low_pass(x, cutoff, rate) for x in (effort, hat, effort * moves, hat * moves)]
-    return (*smooth, moves)
+    time, rate, regular = clock(log, jitter=0.0)
+    step, margin = max(1, round(PIECE_S * rate)), settled(CUTOFF_HZ, rate)
+    for start in range(0, len(time), step):
+        rows = slice(start, min(start + step, len(time)))
+        around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
+        part = around if regular else beneath(log, time[around])
+        effort, hat, speed = log.effort[part], predicted[part], speed_of(log, part)
+        if not regular:
+            effort, hat, speed = (interpolated(time[around], log.time[part], x) for x in (effort, hat, speed))
+        yield Piece(rows, around, rate, effort, effort - hat, np.abs(speed) > STILL)
 
 
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(x**2)))
+@dataclass(frozen=True)
+class _Tally:
+    """Sums over some rows: how many, mean and scatter of the measured effort (n,), the largest error (n,), and sums
+    (6, n) of the squared effort, the same moving, squared error, the same moving and at rest, and rows at rest."""
+
+    count: int
+    mean: np.ndarray
+    scatter: np.ndarray
+    largest: np.ndarray
+    sums: np.ndarray
+
+    @staticmethod
+    def of(x: Piece) -> _Tally:
+        still = ~x.moves[x.inside]
+        measured, error = x.low_passed(x.effort), x.low_passed(x.error)
+        moving = x.low_passed(x.effort * x.moves), x.low_passed(x.error * x.moves)
+        mean = measured.mean(axis=0)
+        sums = [(v**2).sum(axis=0) for v in (measured, moving[0], error, moving[1], error * still)]
+        scatter, largest = ((measured - mean) ** 2).sum(axis=0), np.abs(error).max(axis=0)
+        return _Tally(len(still), mean, scatter, largest, np.array([*sums, still.sum(axis=0)]))
+
+
+def _percent(error: float, size: float) -> float | None:
+    return float(100 * np.sqrt(error / size)) if size > 0 else None

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from identify.estimation.identification import predicted_effort
-from identify.estimation.motion import low_pass, motion_pieces
-from identify.estimation.scoring import CUTOFF_HZ, explained, scored, speed_of
-from identify.estimation.settings import STILL, Settings
+from identify.estimation.motion import clock, motion_at, motion_pieces
+from identify.estimation.scoring import CUTOFF_HZ, explained, pieces, scored
+from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
@@ -69,39 +69,32 @@ def held_out(
 def curves(
     prefix: str, regressor: Regressor, log: Log, prediction: np.ndarray, parameters: np.ndarray, settings: Settings
 ) -> dict[str, np.ndarray]:
-    """Arrays for figures under `prefix`: at most CURVE_ROWS rows, efforts low-passed at 10 Hz. SI."""
-    assert log.effort is not None
-    rate = log.rate_hz
+    """Arrays for figures under `prefix`, on the log's even clock: at most CURVE_ROWS rows, efforts low-passed at 10 Hz.
+    SI."""
+    ticks = clock(log)
     step = max(1, int(np.ceil(log.samples / CURVE_ROWS)))
-    pieces = motion_pieces(log, settings.position_cutoff_hz)
-    motion = [np.stack([m.q, m.dq, m.ddq])[:, -rows.start % step :: step] for rows, m in pieces]
-    friction = parameters.copy()
-    friction[len(regressor.base.names) :] = 0.0
-    rigid = predicted_effort(regressor, log, friction, settings)
-    rows = slice(None, None, step)
-    smooth = {"measured": log.effort, "predicted": prediction, "rigid": rigid}
-    # One joint at a time, as a log may be long.
-    result = {
-        name: np.column_stack([low_pass(column, CUTOFF_HZ, rate)[rows] for column in x.T]) for name, x in smooth.items()
-    }
-    result |= zip(("position", "velocity", "acceleration"), np.concatenate(motion, axis=1), strict=True)
-    joints = [slice(j, j + 1) for j in range(prediction.shape[1])]
-    moving = np.concatenate([np.abs(speed_of(log, one)[rows]) > STILL for one in joints], axis=1)
-    stored = {f"{prefix}/{name}": x.astype(np.float32) for name, x in result.items()}
-    return stored | {f"{prefix}/time": log.time[rows], f"{prefix}/moving": moving}
+    base = np.where(np.arange(regressor.p) < len(regressor.base.names), parameters, 0.0)
+    parts: dict[str, list[np.ndarray]] = {}
+    for x in pieces(log, prediction):
+        motion = motion_at(log, x.around, settings.position_cutoff_hz, ticks)
+        rigid = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, base)
+        measured = x.low_passed(x.effort)
+        found = {"time": motion.time[x.inside], "moving": x.moves[x.inside], "measured": measured}
+        found |= {"predicted": measured - x.low_passed(x.error), "rigid": x.low_passed(rigid)}
+        moved = {"position": motion.q, "velocity": motion.dq, "acceleration": motion.ddq}
+        found |= {name: values[x.inside] for name, values in moved.items()}
+        for name, values in found.items():
+            kept = values[-x.rows.start % step :: step]
+            parts.setdefault(name, []).append(kept if name in ("time", "moving") else kept.astype(np.float32))
+    return {f"{prefix}/{name}": np.concatenate(values) for name, values in parts.items()}
 
 
 def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.ndarray]:
     """Autocorrelation (L, n) over lag (L,) [s] of the low-passed residual, rows at rest set to zero."""
-    assert log.effort is not None
     rate = log.rate_hz
     step = max(1, int(rate / (8 * CUTOFF_HZ)))
-    columns = []
-    for j in range(prediction.shape[1]):
-        one = slice(j, j + 1)
-        error = (log.effort[:, one] - prediction[:, one]) * (np.abs(speed_of(log, one)) > STILL)
-        columns.append(low_pass(error, CUTOFF_HZ, rate)[::step])
-    thin = np.concatenate(columns, axis=1)
+    kept = [x.low_passed(x.error * x.moves)[-x.rows.start % step :: step] for x in pieces(log, prediction)]
+    thin = np.concatenate(kept)
     lags = np.arange(min(len(thin) - 1, int(LAGS_S * rate / step)))
     power = np.maximum((thin**2).sum(axis=0), 1e-300)
     values = np.array([(thin[lag:] * thin[: len(thin) - lag]).sum(axis=0) / power for lag in lags])

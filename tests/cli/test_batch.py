@@ -18,6 +18,7 @@ import pytest
 from conftest import Arm
 
 from identify.estimation.identification import Identification
+from identify.logs.folders import clear_leftovers
 
 KILLED = -signal.SIGKILL
 
@@ -208,8 +209,7 @@ def test_a_fit_that_is_killed_leaves_the_old_result_or_none(
 
     # Another run beside it leaves what it is at work on alone.
     at_work = sorted(path.name for path in tmp_path.iterdir())
-    Identification.load(result).save(tmp_path / "other")
-    shutil.rmtree(tmp_path / "other")
+    clear_leftovers(target)
     assert sorted(path.name for path in tmp_path.iterdir()) == at_work
 
     process.kill()

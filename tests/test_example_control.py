@@ -18,6 +18,11 @@ from identify.errors import InputError
 from identify.robot.mjcf import to_mjcf
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "example_control"
+sys.path.insert(0, str(SCRIPT.parent))
+
+import control_laws  # noqa: E402
+import control_report  # noqa: E402
+import control_runs  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +40,7 @@ def example() -> ModuleType:
 @pytest.fixture(scope="module")
 def comparison(example: ModuleType):
     """Every law along one pass of 5 s, with a fit on 10 s of another motion."""
-    return example.compare(example.learnt(quick=True), example.unseen(quick=True))
+    return control_runs.compare(example.learnt(quick=True), example.unseen(quick=True))
 
 
 class Arm:
@@ -61,9 +66,9 @@ class Arm:
 def test_computed_torque_with_true_parameters_gives_the_acceleration_asked_for(example: ModuleType) -> None:
     robot = identify.load_robot("rx90")
     regressor, arm = identify.Regressor(robot), Arm(robot)
-    law, random = example.computed_torque(regressor), np.random.default_rng(0)
+    law, random = control_laws.computed_torque(regressor), np.random.default_rng(0)
     theta = regressor.theta(robot.standard, {})  # no friction
-    omega = example.OMEGA
+    omega = control_laws.OMEGA
     for _ in range(5):
         q, dq, e, de, ddq_ref = random.standard_normal((5, robot.n))
         torque, after = law(theta, q, dq, q + e, dq + de, ddq_ref)
@@ -81,7 +86,7 @@ def test_adaptive_law_takes_its_lyapunov_function_down_by_s_k_s(example: ModuleT
     root = random.standard_normal((regressor.p, regressor.p))
     gain = root @ root.T + np.eye(regressor.p)
     inertia = 1 + random.standard_normal(robot.n) ** 2
-    law, omega, step = example.adaptive(regressor, inertia, gain), example.OMEGA, 1e-6
+    law, omega, step = control_laws.adaptive(regressor, inertia, gain), control_laws.OMEGA, 1e-6
     for _ in range(5):
         q, dq, e, de, ddq_ref = random.standard_normal((5, robot.n))
         theta = truth + random.standard_normal(regressor.p)
@@ -89,13 +94,13 @@ def test_adaptive_law_takes_its_lyapunov_function_down_by_s_k_s(example: ModuleT
         s = de + omega * e
         ds = arm.acceleration(q, dq, torque) - ddq_ref + omega * de
         turning = (arm.inertia(q + step * dq) - arm.inertia(q - step * dq)) / (2 * step)
-        adaptation = (theta - truth) @ np.linalg.solve(gain, (after - theta) / example.PERIOD)
+        adaptation = (theta - truth) @ np.linalg.solve(gain, (after - theta) / control_laws.PERIOD)
         rate = s @ arm.inertia(q) @ ds + s @ turning @ s / 2 + adaptation
         assert rate == pytest.approx(-omega * s @ (inertia * s), rel=1e-6)
 
 
 def test_truth_is_the_arm_with_its_payload(example: ModuleType, comparison) -> None:
-    loaded = example.carrying(identify.load_robot("rx90"), example.PAYLOAD)
+    loaded = control_runs.carrying(identify.load_robot("rx90"), control_runs.PAYLOAD)
     model = mujoco.MjModel.from_xml_string(to_mjcf(loaded, friction=False, limits=False))
     data = mujoco.MjData(model)
     random = np.random.default_rng(2)
@@ -112,25 +117,25 @@ def test_truth_is_the_arm_with_its_payload(example: ModuleType, comparison) -> N
 
 def test_identified_parameters_track_better_than_wrong_ones_and_better_than_pd(example: ModuleType, comparison) -> None:
     """Measured on this motion: the tool is 14 and 48 times nearer, the joints 34 and 36 times."""
-    joints = {name: example.rms(run.q - comparison.motion.q) for name, run in comparison.runs.items()}
-    tool = {name: example.rms(comparison.tool_error(name)) for name in comparison.runs}
-    assert tool[example.IDENTIFIED] < tool[example.GUESSED] / 8
-    assert tool[example.IDENTIFIED] < tool[example.PD] / 30
-    assert joints[example.IDENTIFIED] < min(joints[example.GUESSED], joints[example.PD]) / 20
+    joints = {name: control_report.rms(run.q - comparison.motion.q) for name, run in comparison.runs.items()}
+    tool = {name: control_report.rms(comparison.tool_error(name)) for name in comparison.runs}
+    assert tool[control_runs.IDENTIFIED] < tool[control_runs.GUESSED] / 8
+    assert tool[control_runs.IDENTIFIED] < tool[control_runs.PD] / 30
+    assert joints[control_runs.IDENTIFIED] < min(joints[control_runs.GUESSED], joints[control_runs.PD]) / 20
     assert all(run.clipped == 0 for run in comparison.runs.values())
     # The guess is worth something: gravity is in it, by and large.
-    assert tool[example.GUESSED] < tool[example.PD] / 2
+    assert tool[control_runs.GUESSED] < tool[control_runs.PD] / 2
 
 
 def test_adaptive_law_learns_the_payload(example: ModuleType, comparison) -> None:
     """Under the payload it starts like computed torque without it and ends near computed torque that knows it."""
-    third = len(comparison.tool_error(example.PD)) // 3
-    first = {name: example.rms(comparison.tool_error(name)[:third]) for name in comparison.runs}
-    last = {name: example.rms(comparison.tool_error(name)[-third:]) for name in comparison.runs}
-    assert first[example.ADAPTIVE] > 0.4 * first[example.LOADED]
-    assert last[example.ADAPTIVE] < last[example.LOADED] / 4
-    assert last[example.ADAPTIVE] < first[example.ADAPTIVE] / 2
-    assert last[example.ADAPTIVE] < 2.5 * last[example.FLOOR]
+    third = len(comparison.tool_error(control_runs.PD)) // 3
+    first = {name: control_report.rms(comparison.tool_error(name)[:third]) for name in comparison.runs}
+    last = {name: control_report.rms(comparison.tool_error(name)[-third:]) for name in comparison.runs}
+    assert first[control_runs.ADAPTIVE] > 0.4 * first[control_runs.LOADED]
+    assert last[control_runs.ADAPTIVE] < last[control_runs.LOADED] / 4
+    assert last[control_runs.ADAPTIVE] < first[control_runs.ADAPTIVE] / 2
+    assert last[control_runs.ADAPTIVE] < 2.5 * last[control_runs.FLOOR]
 
 
 def test_lyapunov_function_does_not_grow_and_torque_of_the_parameters_comes_near(
@@ -140,7 +145,7 @@ def test_lyapunov_function_does_not_grow_and_torque_of_the_parameters_comes_near
     v = comparison.lyapunov()
     assert np.max(v / np.minimum.accumulate(v)) < 1.005
     assert v[-1] < 0.6 * v[0]
-    theta = comparison.runs[example.ADAPTIVE].theta
+    theta = comparison.runs[control_runs.ADAPTIVE].theta
     start, middle, end = comparison.torque_error(theta[[0, len(theta) // 2, -1]])
     assert start > 0.1
     assert end < middle < start
@@ -149,7 +154,7 @@ def test_lyapunov_function_does_not_grow_and_torque_of_the_parameters_comes_near
 
 def test_first_moments_settle_where_the_payload_has_them(example: ModuleType, comparison) -> None:
     """Gravity weighs them, so that this motion tells them; inertias that it hardly needs are free to stay."""
-    names, theta = comparison.regressor.names, comparison.runs[example.ADAPTIVE].theta
+    names, theta = comparison.regressor.names, comparison.runs[control_runs.ADAPTIVE].theta
     added = comparison.truth - comparison.regressor.parameters
     moments = [k for k, name in enumerate(names) if name.startswith("M") and abs(added[k]) > 0.1]
     assert {names[k] for k in moments} == {"MXR2", "MYR3", "MYR5", "MX6", "MY6"}
@@ -159,7 +164,7 @@ def test_first_moments_settle_where_the_payload_has_them(example: ModuleType, co
 
 def test_other_laws_leave_their_parameters_alone(example: ModuleType, comparison) -> None:
     for name, run in comparison.runs.items():
-        assert (np.ptp(run.theta, axis=0) > 0).any() == (name == example.ADAPTIVE), name
+        assert (np.ptp(run.theta, axis=0) > 0).any() == (name == control_runs.ADAPTIVE), name
 
 
 def test_result_folder_in_figure_and_table_out(
@@ -167,7 +172,7 @@ def test_result_folder_in_figure_and_table_out(
 ) -> None:
     """All of main but the runs, which the fixture has made already."""
     given = []
-    monkeypatch.setattr(example, "compare", lambda result, *_: given.append(result) or comparison)
+    monkeypatch.setattr(control_runs, "compare", lambda result, *_: given.append(result) or comparison)
     comparison.result.save(tmp_path / "result")
     words = [str(tmp_path / "result"), "--quick", "-o", str(tmp_path / "control.png")]
     monkeypatch.setattr(sys, "argv", ["example_control", *words])
@@ -193,4 +198,4 @@ def test_unusable_results_and_names_are_told_in_one_line(
         example.main()
     other = replace(comparison.result, robot=identify.load_robot("tx40"))
     with pytest.raises(InputError, match="wants a fit of the built-in rx90"):
-        example.compare(other, example.unseen(quick=True))
+        control_runs.compare(other, example.unseen(quick=True))

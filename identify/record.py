@@ -13,19 +13,22 @@ import numpy as np
 from identify import __version__
 from identify.estimation.fitting import Fit, ModelFit
 from identify.estimation.identification import FORMAT, FRICTION
-from identify.estimation.identified_robot import link_table, with_standard
+from identify.estimation.identified_robot import link_table, plain_friction, with_standard
 from identify.estimation.physical import PULL, Consistent
 from identify.estimation.reference import Reference
 from identify.estimation.scoring import explained
 from identify.logs.log import Log
 from identify.logs.triage import Findings
-from identify.regressor.columns import COUPLED
-from identify.regressor.regressor import Regressor
+from identify.regressor.columns import COUPLED, MORE, column_kind
+from identify.regressor.friction import FURTHER
 from identify.robot.robot import Limits, Robot
 from identify.symbolic.formula import formula
 from identify.validation.verdict import WELL_KNOWN
 
 PACKAGES = ("numpy", "scipy", "sympy", "pin", "mujoco", "mcap", "matplotlib", "clarabel")
+MOTORS = (*COUPLED, *(kinds[1] for kinds in MORE.values()))
+"""Kinds of columns of the transmission."""
+
 MOVED = 0.01
 """Shift of a parameter, in its standard deviations, from which the record says that consistency moved it."""
 
@@ -82,11 +85,9 @@ def log_entry(log: Log, role: str, triage: Findings) -> dict[str, Any]:
     return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 
 
-def parameters(
-    regressor: Regressor, fit: ModelFit, truth: np.ndarray | None, prior: np.ndarray | None, prior_reason: str
-) -> dict[str, Any]:
+def parameters(fit: ModelFit, truth: np.ndarray | None, prior: np.ndarray | None, prior_reason: str) -> dict[str, Any]:
     """Base, friction and transmission parameters with their uncertainty, and the covariance."""
-    estimate, robot = fit.estimate, regressor.robot
+    regressor, estimate, robot = fit.regressor, fit.estimate, fit.regressor.robot
     count = len(regressor.base.names)
     at = {name: i for i, name in enumerate(regressor.names)}
     relative = 100 * estimate.std / np.maximum(np.abs(estimate.parameters), 1e-300)
@@ -116,13 +117,15 @@ def parameters(
     for j, joint in enumerate(robot.joints, 1):
         row: dict[str, Any] = {"joint": joint.name}
         for key, letters in FRICTION:
+            if key in FURTHER and key not in regressor.forms:
+                continue
             name = f"{letters}{j}"
             row[key] = entry(at[name]) if name in at else None
             if name not in at:
                 others = ", ".join(regressor.dropped[name])
                 row[f"{key}_reason"] = f"{name} can't be told from {others}, which hold it"
         friction.append(row)
-    coupled = [i for i in range(count, len(regressor.names)) if regressor.names[i][:3] in ("Iam", "Fvm", "Fsm")]
+    coupled = [i for i in range(count, len(regressor.names)) if column_kind(regressor.names[i]) in MOTORS]
     result: dict[str, Any] = {
         "names": list(regressor.names),
         "base_parameters": base,
@@ -151,19 +154,21 @@ def fit_figures(fit: ModelFit, figures: dict[str, Any]) -> dict[str, Any]:
 
 
 def physical(
-    regressor: Regressor,
     fit: ModelFit,
     found: Consistent,
     bodies: Reference,
     bodies_reason: str,
     figures: dict[str, Any],
+    speeds: np.ndarray,
 ) -> dict[str, Any]:
     """The standard parameters that physics allows: links, drives, what they cost and which parameters moved.
 
-    figures: residual figures of their model, {"fit": on the training logs, "test": [on each held-out log]}.
+    speeds (arms,): the fastest that joints and coupled motors went, up to which drives stand for further forms of
+    friction. figures: residual figures of their model, {"fit": on the training logs, "test": [on each held-out log]}.
     """
-    estimate = fit.estimate
-    robot = with_standard(regressor.robot, found.standard, found.extra)
+    regressor, estimate = fit.regressor, fit.estimate
+    plain = plain_friction(regressor, found.extra, fit.settings, speeds)
+    robot = with_standard(regressor.robot, found.standard, plain)
     shift = (found.parameters - estimate.parameters) / np.maximum(estimate.std, 1e-300)
     moved = [i for i in np.argsort(-np.abs(shift), kind="stable") if abs(shift[i]) >= MOVED]
     eigenvalues = zip(link_table(robot), found.eigenvalues, bodies.kinds, strict=True)
@@ -172,9 +177,7 @@ def physical(
         "links": [row | {"min_eigenvalue": float(x), "pulled_to": kind} for row, x, kind in eigenvalues],
         "drives": [{"joint": joint.name, **asdict(joint.drive)} for joint in robot.joints],
         "transmission": [
-            {"name": f"{kind}{k + 1}", "value": found.extra[f"{kind}{k + 1}"]}
-            for k, _ in robot.couplings
-            for kind in COUPLED
+            {"name": f"{kind}{k + 1}", "value": plain[f"{kind}{k + 1}"]} for k, _ in robot.couplings for kind in COUPLED
         ],
         "parameters": [float(x) for x in found.parameters],
         "cost": {"chi_squared": found.cost, "effective_samples": estimate.effective_samples},
@@ -201,9 +204,13 @@ def physical(
 
 
 def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
-    table = dict.fromkeys(("coulomb_velocity", "window_s", "energy_cutoff_hz")) | fit.settings.to_dict()
+    table = (
+        dict.fromkeys(("coulomb_velocity", "presliding_distance", "window_s", "energy_cutoff_hz"))
+        | fit.settings.to_dict()
+    )
     reasons = {
         "coulomb_velocity": "the exact sign is used where the joint moves",
+        "presliding_distance": "no friction before sliding was fitted",
         "window_s": "the torque model has no windows",
         "energy_cutoff_hz": "the torque model has no energies",
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,10 +80,13 @@ def fit(
     estimator: str | None = None,
     command: str = "",
     progress: Progress = None,
+    friction: str | Collection[str] | None = None,
 ) -> Identification:
     """Identify base and friction parameters from one log or several, and check them on `test` logs.
 
     model: "torque" or "energy"; both are fitted, this one is the result. estimator: see estimation.fitting.ESTIMATORS.
+    friction: forms of it beside viscous, Coulomb and offset, "cube_root" and "presliding", with commas between or in a
+    collection; "plain" for none of them; by default ("auto") those that cross-validation finds worth it.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
     import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
@@ -91,9 +94,11 @@ def fit(
 
     from identify.estimation.fitting import check_choice
     from identify.logs.triage import refusals
+    from identify.regressor.friction import chosen_forms
     from identify.regressor.regressor import Regressor
 
     check_choice(model, estimator)
+    forms = chosen_forms(friction)
     train = _for_robot([log] if isinstance(log, Log) else log, robot)
     test = _for_robot(test, robot)
     for each in test:
@@ -108,7 +113,7 @@ def fit(
         for found in triage[: len(train)]:
             if reasons := refusals(found):
                 raise UnsupportedLogError(*reasons)
-        return _identified(regressor, train, test, model, estimator, command, triage, progress)
+        return _identified(regressor, train, test, model, estimator, forms, command, triage, progress)
 
 
 def looked_over(logs: Sequence[Log], robot: Robot, regressor: Regressor | None = None) -> list[Findings]:
@@ -130,6 +135,7 @@ def fit_to_folder(
     force: bool = False,
     command: str = "",
     progress: Progress = None,
+    friction: str | Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Fit, and write the result folder with its report; for logs that can't support a result, one that says why.
 
@@ -143,7 +149,7 @@ def fit_to_folder(
     check_folder(Path(folder), force)
     curves: dict[str, np.ndarray]
     try:
-        result = fit(logs, robot, test, model, estimator, command, progress)
+        result = fit(logs, robot, test, model, estimator, command, progress, friction)
         record, curves = result.record, result.curves
     except UnsupportedLogError as error:
         train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
@@ -224,6 +230,7 @@ def _identified(
     test: list[Log],
     model: str,
     estimator: str | None,
+    forms: tuple[str, ...] | None,
     command: str,
     triage: list[Findings],
     progress: Progress,
@@ -237,15 +244,15 @@ def _identified(
 
     tell = progress or (lambda share, text: None)
     robot = regressor.robot
-    both = fit_models(regressor, train, model, estimator, lambda share, text: tell(0.7 * share, text))
+    both = fit_models(regressor, train, model, estimator, forms, lambda share, text: tell(0.7 * share, text))
     chosen = _chosen(both, model)
-    estimate, settings = chosen.estimate, chosen.settings
+    regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
     tell(0.7, "residuals and held-out logs")
     figures: dict[str, dict[str, Any]] = {}
     predictions: list[np.ndarray] = []
     for m in (both.torque, both.energy):
         if m is not None:
-            figures[m.model], guesses = held_out.figures(regressor, train, m.estimate.parameters, m.settings)
+            figures[m.model], guesses = held_out.figures(m.regressor, train, m.estimate.parameters, m.settings)
             predictions = guesses if m is chosen else predictions
     nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
     curves: dict[str, np.ndarray] = {}
@@ -263,7 +270,7 @@ def _identified(
         if nominal is None and train[0].simulated
         else "the robot file gives no inertias"
     )
-    possible, physical = _physical(regressor, chosen, train, test, nominal is not None, prior_reason)
+    possible, physical = _physical(chosen, train, test, nominal is not None, prior_reason)
     tell(0.85, "cross-check against Pinocchio and MuJoCo")
     checks = cross_check.cross_check_regressor(robot)
     base = estimate.parameters[: len(regressor.base.names)]
@@ -271,7 +278,7 @@ def _identified(
     truth = true_parameters(regressor, train[0])
     record = records.head(robot, model, train, test, command, triage) | {
         "estimator": chosen.estimator,
-        **records.parameters(regressor, chosen, truth, nominal, prior_reason),
+        **records.parameters(chosen, truth, nominal, prior_reason),
         "fit": records.fit_figures(chosen, figures[model]),
         "settings": records.settings(chosen, both.tried),
         "test": tests,
@@ -287,7 +294,7 @@ def _identified(
     if not tests:
         record["test_reason"] = "no held-out log was given"
     if estimator == ALL and both.torque:
-        record["estimators"] = _side_by_side(regressor, both.torque, train, test)
+        record["estimators"] = _side_by_side(both.torque, train, test)
     record["versions"]["regressor"] = regressor.backend
     record["verdict"] = verdict(record)
     return Identification(
@@ -296,7 +303,7 @@ def _identified(
 
 
 def _physical(
-    regressor: Regressor, chosen: ModelFit, train: list[Log], test: list[Log], described: bool, neutral_reason: str
+    chosen: ModelFit, train: list[Log], test: list[Log], described: bool, neutral_reason: str
 ) -> tuple[np.ndarray | None, dict[str, Any]]:
     """The standard parameters that physics allows (11 n,), nearest to the estimate, and their part of the record.
 
@@ -305,12 +312,18 @@ def _physical(
     from identify import record as records
     from identify.estimation.physical import information_of, nearest_consistent
     from identify.estimation.reference import reference
-    from identify.validation.held_out import figures
+    from identify.validation.held_out import figures, top_speeds
 
-    estimate = chosen.estimate
+    regressor, estimate = chosen.regressor, chosen.estimate
     bodies = reference(regressor, estimate.parameters, described)
     try:
-        found = nearest_consistent(regressor, estimate.parameters, information_of(estimate.covariance), bodies)
+        found = nearest_consistent(
+            regressor,
+            estimate.parameters,
+            information_of(estimate.covariance),
+            bodies,
+            coulomb_velocity=chosen.settings.coulomb_velocity,
+        )
     except InputError as error:
         return None, {"physical": None, "physical_reason": str(error)}
 
@@ -320,15 +333,16 @@ def _physical(
 
     scores = {"fit": residuals(train), "test": [{"path": log.source, **residuals([log])} for log in test]}
     why = "the robot file's links" if described else neutral_reason
-    return found.standard, {"physical": records.physical(regressor, chosen, found, bodies, why, scores)}
+    speeds = top_speeds(regressor, train, chosen.settings)
+    return found.standard, {"physical": records.physical(chosen, found, bodies, why, scores, speeds)}
 
 
-def _side_by_side(regressor: Regressor, torque: ModelFit, train: list[Log], test: list[Log]) -> list[dict[str, Any]]:
+def _side_by_side(torque: ModelFit, train: list[Log], test: list[Log]) -> list[dict[str, Any]]:
     """Every estimator of the torque model with the same settings: its residuals on training and held-out logs."""
     from identify.estimation.fitting import ESTIMATORS, fit_torque
     from identify.validation.held_out import figures
 
-    rows = []
+    regressor, rows = torque.regressor, []
     for name in ESTIMATORS:
         each = fit_torque(regressor, train, torque.settings, name)
         row: dict[str, Any] = {"estimator": name, "condition_number": each.estimate.condition_number}

@@ -106,6 +106,7 @@ def _record(source: Source, robot: str, folder: str | None, options: Options, pr
 
     logs, test = [read(source.log)], [read(path) for path in source.test]
     choice: dict[str, Any] = {"model": options.model, "estimator": options.estimator, "command": options.command}
+    choice["friction"] = "plain"  # parameters of one kind, to be compared between logs
     if folder is None:
         return workflow.fit(logs, arm, test, progress=progress, **choice).record
     return workflow.fit_to_folder(logs, arm, Path(folder) / source.name, test, progress=progress, **choice)

@@ -205,6 +205,7 @@ def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             force=options.force,
             command=shlex.join(["identify", *arguments]),
             progress=progress,
+            friction=options.friction,
         )
     if options.json:
         _print_json(record)

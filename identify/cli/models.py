@@ -59,13 +59,15 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.robot.library import load_robot
 
     robot = load_robot(options.robot, options.joints, options.gravity)
-    parameters = covariance = None
+    parameters = covariance = coulomb_velocity = None
+    friction: tuple[str, ...] = ()
     if options.parameters is not None:
         from identify.estimation.identification import Identification
         from identify.regressor.regressor import Regressor
 
         result = Identification.load(options.parameters)
-        if result.names != Regressor(robot).names:
+        friction, coulomb_velocity = result.settings.friction, result.settings.coulomb_velocity
+        if result.names != Regressor(robot, friction).names:
             raise InputError(
                 f"{options.parameters}: its parameters are those of {result.robot.name}, not of {robot.name}"
             )
@@ -73,7 +75,7 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     with progress_line(sys.stderr) as progress:
         if progress is not None:
             progress(0.0, "models (inverse geometry of arms without right angles takes some seconds)")
-        files = generate(robot, options.language, parameters, covariance)
+        files = generate(robot, options.language, parameters, covariance, friction, coulomb_velocity)
         missing = left_out(robot)
     folder = Path(options.output)
     there = [name for name in files if (folder / name).exists()]

@@ -229,6 +229,13 @@ def _fit(commands: Any) -> None:
         default="wls",
         help="ordinary or weighted least squares, or all of them side by side (default: %(default)s)",
     )
+    command.add_argument(
+        "--friction",
+        metavar="NAMES",
+        default="auto",
+        help="forms of friction beside viscous, Coulomb and offset: cube_root, presliding, both with a comma between, "
+        "or plain for none (default: %(default)s, those that cross-validation finds worth it)",
+    )
     _json(command)
 
 

@@ -8,7 +8,7 @@ from identify import __version__
 from identify.codegen.c_angles import cosines_sines, gathered
 from identify.codegen.c_inverse import inverse_signature, inverse_source
 from identify.codegen.c_self_test import self_test
-from identify.codegen.functions import Function, Models
+from identify.codegen.functions import Function, Models, friction_note
 from identify.codegen.samples import PoseSample, Sample
 from identify.codegen.statements import argument, live_signs, speed, statements, unused
 from identify.codegen.text import ascii_text, c_string, prose, rows, title, wrapped
@@ -17,6 +17,9 @@ from identify.symbolic.formula import formula
 
 SIGN = "(double)(({0} > 0.0) - ({0} < 0.0))"
 """Exact sign of a speed, zero at rest."""
+
+SMOOTH_SIGN = "fmax(-1.0, fmin(1.0, ({0}) / {1!r}))"
+"""Sign of a speed, growing linearly up to a width."""
 
 
 def c_files(models: Models, samples: tuple[Sample, ...], poses: tuple[PoseSample, ...], prefix: str) -> dict[str, str]:
@@ -53,6 +56,8 @@ def _header(models: Models, prefix: str) -> str:
         "",
         f"   Self-test: cc -std=c99 -DSELF_TEST {prefix}.c -lm && ./a.out",
     ]  # fmt: skip
+    if note := friction_note(models):
+        lines += ["", *prose(note, "   ")]
     if models.left_out:
         lines += ["", *wrapped(f"   Inverse geometry is left out: {ascii_text(models.left_out)}.")]
     lines[-1] += " */"
@@ -178,13 +183,14 @@ def _read(function: Function) -> set[str]:
 def _body(function: Function, n: int, prefix: str, constants: dict[str, str]) -> list[str]:
     lines = [*wrapped(_signature(function, n, prefix)), "{"]
     lines += [f"    (void){name};" for name in unused(function)]
-    for name, ratios in live_signs(function).items():
-        single = sum(1 for r in ratios if r) == 1
-        value = speed(ratios)
+    for name, signal in live_signs(function).items():
+        single = sum(1 for r in signal.ratios if r) == 1
+        value = speed(signal.ratios)
         if not single:
             lines.append(f"    const double speed_{name} = {value};")
             value = f"speed_{name}"
-        lines.append(f"    const double {name} = {SIGN.format(value)};")
+        form = "cbrt({0})" if signal.cube_root else SIGN if signal.width is None else SMOOTH_SIGN
+        lines.append(f"    const double {name} = {form.format(value, signal.width)};")
     work, entries = statements(function, constants, str)
     angles, work = gathered(work)
     lines += angles

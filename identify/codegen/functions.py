@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from identify.codegen.angles import with_products
 from identify.codegen.inverse import Inverse, inverse, left_out
-from identify.regressor.columns import Column
+from identify.regressor.columns import READS, Column
+from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 from identify.symbolic.chain import Mat, Vec, add, cross, joint_transform, matmul, matvec
@@ -27,10 +28,20 @@ REFERENCES = {"dqr": "dq_ref", "ddqr": "ddq_ref"}
 
 
 @dataclass(frozen=True)
+class FrictionSignal:
+    """What a column of friction reads: of the speed ratios (n,) · q̇ its sign, or its cube root, both with the sign of
+    the speed. width: the sign is clip(speed/width, −1, 1), or exact where it is None."""
+
+    ratios: tuple[float, ...]
+    cube_root: bool
+    width: float | None
+
+
+@dataclass(frozen=True)
 class Function:
     """One function: signals (n,) each in, an array of `shape` out, whose entries by flat index are expressions.
 
-    Entries not listed are zero. `signs` {symbol: ratios (n,)}: symbols that stand for sign(ratios · q̇).
+    Entries not listed are zero. `signs` {symbol: what it stands for}: symbols that friction reads.
     """
 
     name: str
@@ -38,7 +49,7 @@ class Function:
     shape: tuple[int, ...]
     entries: dict[int, Expression]
     about: str
-    signs: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    signs: dict[str, FrictionSignal] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -50,7 +61,8 @@ class Models:
     """All functions of a robot, and the values of their constants: theta (p,) and the dynamic ones {symbol: value}.
 
     covariance (p, p) of theta, where it was identified; origin: where theta comes from; inverse: the inverse
-    geometry, None where `left_out` says why there is none.
+    geometry, None where `left_out` says why there is none; coulomb_velocity: speed up to which the sign of a velocity
+    grows, None for an exact sign.
     """
 
     robot: Robot
@@ -62,9 +74,16 @@ class Models:
     functions: tuple[Function, ...]
     inverse: Inverse | None
     left_out: str | None
+    coulomb_velocity: float | None = None
 
 
-def models(regressor: Regressor, theta: np.ndarray, covariance: np.ndarray | None, origin: str) -> Models:
+def models(
+    regressor: Regressor,
+    theta: np.ndarray,
+    covariance: np.ndarray | None,
+    origin: str,
+    coulomb_velocity: float | None = None,
+) -> Models:
     """Every model of the regressor's robot, with parameters theta (p,) in the order of its names."""
     robot = regressor.robot
     chosen = representative(robot)
@@ -75,8 +94,12 @@ def models(regressor: Regressor, theta: np.ndarray, covariance: np.ndarray | Non
         inverse_dynamics, base_regressor, energy_functions, slotine_li, inertia_matrix, coriolis, gravity,
         direct_geometry, jacobian,
     )  # fmt: skip
-    functions = tuple(function(robot, regressor) for function in build)
-    return Models(robot, regressor, theta, covariance, origin, constants, functions, inverse(robot), left_out(robot))
+    signs = _signs(regressor, coulomb_velocity)
+    functions = tuple(replace(function(robot, regressor), signs=signs) for function in build)
+    return Models(
+        robot, regressor, theta, covariance, origin, constants, functions, inverse(robot), left_out(robot),
+        coulomb_velocity,
+    )  # fmt: skip
 
 
 def _made(graph: Graph, entries: Mapping[int, Scalar]) -> dict[int, Expression]:
@@ -104,12 +127,11 @@ def _joint_effort(graph: Graph, n: int, column: Column, rates: str, acceleration
     match column.kind:
         case "Fv":
             return {j: symbols(rates)[j]}
-        case "Fs":
-            return {j: graph.symbol(sign_symbol(column, n))}
         case "off":
             return {j: graph.constant(1.0)}
-        case "Fsm":
-            return {i: graph.symbol(sign_symbol(column, n)) * r for i, r in enumerate(rho) if r}
+        case kind if kind in READS:
+            signal = graph.symbol(signal_symbol(column, n))
+            return {i: signal * r for i, r in enumerate(rho) if r} if rho else {j: signal}
     x = symbols(accelerations if column.kind == "Iam" else rates)
     effort: dict[int, Scalar] = {}
     for i, r in enumerate(rho):
@@ -121,19 +143,32 @@ def _joint_effort(graph: Graph, n: int, column: Column, rates: str, acceleration
     return effort
 
 
-def sign_symbol(column: Column, n: int) -> str:
-    """Symbol of the sign that a Coulomb column reads: sign1 … of the joints, then of the coupled motors."""
-    return f"sign{column.index + 1 + (n if column.kind == 'Fsm' else 0)}"
+def signal_symbol(column: Column, n: int) -> str:
+    """Symbol of what a friction column reads: sign1 … or root1 … of the joints, then of the coupled motors. Presliding
+    friction, whose state no function keeps, reads the sign: its state in steady sliding."""
+    prefix = "root" if READS[column.kind] == CUBE_ROOT else "sign"
+    return f"{prefix}{column.index + 1 + (n if column.ratios else 0)}"
 
 
-def _signs(regressor: Regressor) -> dict[str, tuple[float, ...]]:
+def _signs(regressor: Regressor, width: float | None) -> dict[str, FrictionSignal]:
     n = regressor.robot.n
     found = {}
     for column in _columns(regressor):
-        if column.kind in ("Fs", "Fsm"):
+        if column.kind in READS:
             own = tuple(float(i == column.index) for i in range(n))
-            found[sign_symbol(column, n)] = column.ratios or own
+            root = READS[column.kind] == CUBE_ROOT
+            found[signal_symbol(column, n)] = FrictionSignal(column.ratios or own, root, width)
     return found
+
+
+def friction_note(models: Models) -> str:
+    """What the functions make of friction near rest; empty where it is the sign of the velocity."""
+    told = []
+    if models.coulomb_velocity is not None:
+        told.append(f"Coulomb friction grows linearly up to {models.coulomb_velocity:g} rad/s or m/s.")
+    if PRESLIDING in models.regressor.forms:
+        told.append("Presliding friction (Fp) is that of steady sliding: no function keeps its state.")
+    return " ".join(told)
 
 
 def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
@@ -145,7 +180,7 @@ def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
             torque[i] = torque[i] + parameter * effort
     about = "Joint effort [N·m or N] with base parameters, friction and offset."
     entries = _made(graph, dict(enumerate(torque)))
-    return Function("inverse_dynamics", ("q", "dq", "ddq"), (robot.n,), entries, about, _signs(regressor))
+    return Function("inverse_dynamics", ("q", "dq", "ddq"), (robot.n,), entries, about)
 
 
 def _regressor_entries(graph: Graph, robot: Robot, regressor: Regressor) -> dict[int, Scalar]:
@@ -166,7 +201,7 @@ def base_regressor(robot: Robot, regressor: Regressor) -> Function:
     entries = _with_columns(graph, _regressor_entries(graph, robot, regressor), regressor, "ddq")
     about = "Torque regressor: effort = regressor · parameters."
     shape = (robot.n, regressor.p)
-    return Function("torque_regressor", ("q", "dq", "ddq"), shape, _made(graph, entries), about, _signs(regressor))
+    return Function("torque_regressor", ("q", "dq", "ddq"), shape, _made(graph, entries), about)
 
 
 def slotine_li(robot: Robot, regressor: Regressor) -> Function:
@@ -176,7 +211,7 @@ def slotine_li(robot: Robot, regressor: Regressor) -> Function:
     both = _with_columns(graph, dict(zip(entries, polar, strict=True)), regressor, "ddqr")
     about = "Slotine-Li regressor: A·ddq_ref + C·dq_ref + Q and friction at dq = regressor · parameters, Christoffel C."
     inputs, shape = ("q", "dq", "dqr", "ddqr"), (robot.n, regressor.p)
-    return Function("slotine_li_regressor", inputs, shape, _made(graph, both), about, _signs(regressor))
+    return Function("slotine_li_regressor", inputs, shape, _made(graph, both), about)
 
 
 def energy_functions(robot: Robot, regressor: Regressor) -> Function:

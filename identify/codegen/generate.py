@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from identify.codegen.c import c_files
@@ -20,18 +22,25 @@ LANGUAGES = {"c": c_files, "python": python_files}
 
 
 def generate(
-    robot: Robot, language: str = "c", parameters: np.ndarray | None = None, covariance: np.ndarray | None = None
+    robot: Robot,
+    language: str = "c",
+    parameters: np.ndarray | None = None,
+    covariance: np.ndarray | None = None,
+    friction: Collection[str] = (),
+    coulomb_velocity: float | None = None,
 ) -> dict[str, str]:
     """{file name: text} of the robot's models in C99 ("c": source and header) or Python ("python": one module).
 
-    parameters (p,) in the order of Regressor(robot).names; by default what the robot's description states. covariance
-    (p, p) of parameters that were identified, written beside them. Inverse geometry is in the code unless `left_out`
-    says why not. The text is the same, byte by byte, whenever robot, parameters and covariance are. Raises InputError
-    for another language, and where parameters or covariance have another shape or are not finite.
+    parameters (p,) in the order of Regressor(robot, friction).names; by default what the robot's description states.
+    covariance (p, p) of parameters that were identified, written beside them. friction: its forms beside the plain
+    ones; coulomb_velocity [rad/s or m/s]: speed up to which the sign grows linearly, exact where it is None. Inverse
+    geometry is in the code unless `left_out` says why not. The text is the same, byte by byte, whenever robot,
+    parameters and covariance are. Raises InputError for another language, and where parameters or covariance have
+    another shape or are not finite.
     """
     if language not in LANGUAGES:
         raise InputError(f"language {language!r} is not known; choose one of {', '.join(LANGUAGES)}")
-    regressor = Regressor(robot)
+    regressor = Regressor(robot, friction)
     theta = np.asarray(regressor.parameters if parameters is None else parameters, dtype=float)
     if theta.shape != (regressor.p,) or not np.isfinite(theta).all():
         raise InputError(
@@ -45,5 +54,5 @@ def generate(
             raise InputError(
                 f"covariance of shape {covariance.shape}; give {regressor.p} by {regressor.p} finite numbers"
             )
-    made = models(regressor, theta, covariance, origin)
+    made = models(regressor, theta, covariance, origin, coulomb_velocity)
     return LANGUAGES[language](made, samples(made), pose_samples(made), identifier(robot.name))

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from identify import __version__
-from identify.codegen.functions import Function, Models
+from identify.codegen.functions import Function, Models, friction_note
 from identify.codegen.python_inverse import inverse_source
 from identify.codegen.samples import PoseSample, Sample
 from identify.codegen.statements import argument, live_signs, speed, statements
@@ -44,6 +44,8 @@ def _head(models: Models, prefix: str) -> list[str]:
         ),
         f"Self-test: python {prefix}.py",
     ]
+    if note := friction_note(models):
+        lines += ["", *prose(note)]
     if models.left_out:
         lines += ["", *wrapped(f"Inverse geometry is left out: {models.left_out}.")]
     names = INVERSE_NAMES if models.inverse else "cos, sin"
@@ -90,8 +92,13 @@ def _body(function: Function, constants: dict[str, str]) -> list[str]:
     ]
     # Plain floats: arithmetic on NumPy's scalars would take several times as long.
     lines += [f"    {x} = np.asarray({x}, dtype=float).tolist()" for x in map(argument, function.inputs)]
-    for name, ratios in live_signs(function).items():
-        lines += [f"    speed = {speed(ratios)}", f"    {name} = float((speed > 0.0) - (speed < 0.0))"]
+    for name, signal in live_signs(function).items():
+        form = "float((speed > 0.0) - (speed < 0.0))"
+        if signal.cube_root:
+            form = "float(np.cbrt(speed))"
+        elif signal.width is not None:
+            form = f"max(-1.0, min(1.0, speed / {signal.width!r}))"
+        lines += [f"    speed = {speed(signal.ratios)}", f"    {name} = {form}"]
     work, entries = statements(function, constants, str)
     lines += [f"    {name} = {value}" for name, value in work]
     lines.append(f"    out = np.zeros({function.size})")

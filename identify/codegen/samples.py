@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.codegen.functions import Models
+from identify.regressor.columns import smooth_sign
 from identify.robot.robot import Robot
 from identify.symbolic.chain import place
 from identify.symbolic.inverse_geometry import inverse_geometry
@@ -26,6 +27,7 @@ class Sample:
 def samples(models: Models) -> tuple[Sample, ...]:
     """COUNT random states, always the same ones, and what the functions return there."""
     robot, regressor, theta = models.robot, models.regressor, models.theta
+    sign = np.sign if models.coulomb_velocity is None else smooth_sign(models.coulomb_velocity)
     rng = np.random.default_rng(SEED)
     base = regressor.base.matrix.shape[0]
     rigid = theta.copy()
@@ -45,10 +47,10 @@ def samples(models: Models) -> tuple[Sample, ...]:
         weight = effort(zero, zero)
         tool, velocities = _tool(robot, q)
         expected = {
-            "inverse_dynamics": regressor.inverse_dynamics(q, dq, ddq, theta),
-            "torque_regressor": regressor.torque(q, dq, ddq),
+            "inverse_dynamics": regressor.inverse_dynamics(q, dq, ddq, theta, sign),
+            "torque_regressor": regressor.torque(q, dq, ddq, sign=sign),
             "energy_regressor": regressor.energy(q, dq),
-            "slotine_li_regressor": regressor.slotine_li(q, dq, dq_ref, ddq_ref),
+            "slotine_li_regressor": regressor.slotine_li(q, dq, dq_ref, ddq_ref, sign),
             "inertia_matrix": np.array([effort(zero, a) - weight for a in unit]).T,
             "coriolis": effort(dq, zero) - weight,
             "gravity": weight,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from identify.codegen.functions import REFERENCES, Function
+from identify.codegen.functions import REFERENCES, FrictionSignal, Function
 from identify.symbolic import printing
 from identify.symbolic.expression import Expression, reachable
 
@@ -22,7 +22,7 @@ def statements(
     `constants` {symbol: text}; `call` gives the name of "cos" and "sin" in the language. Temporaries are numbered from
     1 in each function, so that the text depends on nothing but the robot.
     """
-    n = max((len(ratios) for ratios in function.signs.values()), default=0)
+    n = max((len(signal.ratios) for signal in function.signs.values()), default=0)
     signals = {f"{prefix}{j + 1}": f"{argument(prefix)}[{j}]" for prefix in function.inputs for j in range(n or 64)}
 
     def leaf(name: str) -> str:
@@ -38,19 +38,19 @@ def unused(function: Function) -> list[str]:
     graph = outputs[0].graph if outputs else None
     read = {graph.nodes[i][1] for i in reachable(graph, outputs) if graph.nodes[i][0] == "symbol"} if graph else set()
     prefixes = {name.rstrip("0123456789") for name in read}
-    if "sign" in prefixes:
+    if prefixes & {"sign", "root"}:
         prefixes.add("dq")
     return [argument(prefix) for prefix in function.inputs if prefix not in prefixes]
 
 
-def live_signs(function: Function) -> dict[str, tuple[float, ...]]:
-    """The function's signs that its entries read."""
+def live_signs(function: Function) -> dict[str, FrictionSignal]:
+    """The function's friction signals that its entries read."""
     outputs = list(function.entries.values())
     if not outputs:
         return {}
     graph = outputs[0].graph
     read = {graph.nodes[i][1] for i in reachable(graph, outputs) if graph.nodes[i][0] == "symbol"}
-    return {name: ratios for name, ratios in function.signs.items() if name in read}
+    return {name: signal for name, signal in function.signs.items() if name in read}
 
 
 def speed(ratios: tuple[float, ...]) -> str:

@@ -37,7 +37,7 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
     used = replace(settings, position_cutoff_hz=settings.energy_cutoff_hz)
     parts = []
     # A window belongs to the piece in which it starts, and may end in the next.
-    for s in signal_pieces(log, used, settings.window_s + 0.1):
+    for s in signal_pieces(log, used, margin=settings.window_s + 0.1):
         width, end = max(1, round(settings.window_s * s.rate)), round(END_S * s.rate)
         begin, stop = s.first + s.inside.start - end, s.first + s.inside.stop - end
         windows = (s.total - 2 * end - 1) // width

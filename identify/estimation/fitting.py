@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -22,6 +22,7 @@ from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.logs.slicing import window
+from identify.regressor.columns import TAKING, column_kind
 from identify.regressor.regressor import Regressor
 
 MODELS = ("torque", "energy")
@@ -42,9 +43,11 @@ Progress = Callable[[float, str], None] | None
 
 @dataclass(frozen=True)
 class ModelFit:
-    """One model's estimate, the settings it was made with, what it is called, and for energy its residual [%]."""
+    """One model's estimate, the regressor whose parameters it has, the settings it was made with, what it is called,
+    and for energy its residual [%]."""
 
     model: str
+    regressor: Regressor
     estimate: Estimate
     settings: Settings
     estimator: str
@@ -70,15 +73,25 @@ def check_choice(model: str, estimator: str | None) -> None:
 
 
 def fit_models(
-    regressor: Regressor, logs: Sequence[Log], model: str, estimator: str | None = None, progress: Progress = None
+    regressor: Regressor,
+    logs: Sequence[Log],
+    model: str,
+    estimator: str | None = None,
+    friction: Collection[str] | None = None,
+    progress: Progress = None,
 ) -> Fit:
-    """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs."""
+    """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs.
+
+    friction: further forms of friction for the torque model, chosen by cross-validation where it is None. The energy
+    model keeps the plain ones of the regressor: a joint does no work at rest, and a window's few rows carry no more.
+    """
     reasons: dict[str, str] = {}
     sample = [liveliest(log, SETTINGS_S) for log in logs]
-    settings, tried = choose_settings(regressor, sample, progress=progress)
+    settings, tried = choose_settings(regressor, sample, friction=friction, progress=progress)
     torque = energy = None
     try:
-        torque = fit_torque(regressor, logs, settings, DEFAULT_ESTIMATOR if estimator in (None, ALL) else estimator)
+        used = regressor if settings.friction == regressor.forms else regressor.with_forms(settings.friction)
+        torque = fit_torque(used, logs, settings, DEFAULT_ESTIMATOR if estimator in (None, ALL) else estimator)
     except UnsupportedLogError as error:
         if model == "torque":
             raise
@@ -115,7 +128,7 @@ def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, es
     solve = {"ols": ordinary_least_squares, "wls": weighted_least_squares}[estimator]
     estimate = solve(reduction, lambda parameters: torque_residual(regressor, logs, settings, parameters))
     require_explained(reduction, estimate)
-    return ModelFit("torque", estimate, settings, ESTIMATORS[estimator])
+    return ModelFit("torque", regressor, estimate, settings, ESTIMATORS[estimator])
 
 
 def require_explained(reduction: Reduction, estimate: Estimate) -> None:
@@ -145,19 +158,30 @@ def fit_energy(
     regressor: Regressor, logs: Sequence[Log], sample: Sequence[Log], settings: Settings
 ) -> tuple[ModelFit, list[dict[str, Any]]]:
     """The energy model, its window chosen on a sample of the training logs; and the windows tried."""
-    chosen, tried = choose_window(regressor, sample, replace(settings, coulomb_velocity=None))
+    plain = replace(settings, coulomb_velocity=None, friction=(), presliding_distance=None)
+    chosen, tried = choose_window(regressor, sample, plain)
     observation = stacked_energy([energy_observation(regressor, log, chosen) for log in logs])
     estimate = energy_least_squares(observation)
     residual = energy_residual_percent(observation, estimate.parameters)
-    return ModelFit("energy", estimate, chosen, ENERGY_ESTIMATOR, residual), tried
+    return ModelFit("energy", regressor, estimate, chosen, ENERGY_ESTIMATOR, residual), tried
 
 
 def agreement(torque: Estimate, energy: Estimate) -> dict[str, Any]:
-    """How far the two models' estimates are apart, in standard deviations of their difference."""
-    z = np.abs(torque.parameters - energy.parameters) / np.hypot(torque.std, energy.std)
+    """How far the two models' estimates are apart, in standard deviations of their difference.
+
+    Where the torque model has further forms of friction, its friction is another quantity: the inertial parameters are
+    compared alone.
+    """
+    names = torque.names
+    if names != energy.names:
+        names = tuple(name for name in names if name in energy.names and column_kind(name) not in TAKING)
+    z = np.empty(len(names))
+    for k, name in enumerate(names):
+        a, b = torque.names.index(name), energy.names.index(name)
+        z[k] = abs(torque.parameters[a] - energy.parameters[b]) / np.hypot(torque.std[a], energy.std[b])
     worst = int(z.argmax())
     return {
         "largest_z": float(z[worst]),
-        "name": torque.names[worst],
+        "name": names[worst],
         "within_2_sigma_percent": float(100 * (z <= 2).mean()),
     }

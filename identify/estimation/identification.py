@@ -17,12 +17,15 @@ from identify.estimation.settings import Settings
 from identify.logs.folders import clear_leftovers, replacing_folder
 from identify.logs.log import Log
 from identify.logs.slicing import select
+from identify.regressor.columns import MORE
+from identify.regressor.friction import FURTHER
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 
 FORMAT = "identify/parameters/1"
-FRICTION = (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off"))
-"""Keys of a joint's friction in the record, and the letters of their columns."""
+FRICTION = (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off"), *((form, MORE[form][0]) for form in FURTHER))
+"""Keys of a joint's friction in the record, and the letters of their columns; further forms are there where they were
+fitted."""
 
 RECORD, CURVES, ROBOT = "parameters.json", "curves.npz", "robot.toml"
 
@@ -31,8 +34,9 @@ RECORD, CURVES, ROBOT = "parameters.json", "curves.npz", "robot.toml"
 class Identification:
     """The result of a fit.
 
-    names (p,) base parameters, then per joint Fv, Fs, offset, then transmission columns; parameters, std (p,) and
-    covariance (p, p) in that order, SI. `record` is parameters.json as a table, `curves` the arrays that figures need.
+    names (p,) those of `regressor`: base parameters, then per joint Fv, Fs, offset, then transmission columns, then
+    those of further forms of friction. parameters, std (p,) and covariance (p, p) in that order, SI. `record` is
+    parameters.json as a table, `curves` the arrays that figures need.
     """
 
     robot: Robot
@@ -48,10 +52,15 @@ class Identification:
         """How logs were, and for predictions are, processed."""
         return Settings.from_dict(self.record["settings"])
 
+    @property
+    def regressor(self) -> Regressor:
+        """The regressor of the parameters, with the forms of friction that they are for."""
+        return Regressor(self.robot, self.settings.friction)
+
     def predict(self, log: Log) -> np.ndarray:
         """(N, n) joint effort [N·m or N] at the log's samples, from its positions alone, in the robot's joint order."""
         log = select(log, self.robot.joint_names)
-        return predicted_effort(Regressor(self.robot), log, self.parameters, self.settings)
+        return predicted_effort(self.regressor, log, self.parameters, self.settings)
 
     def summary(self) -> str:
         """A page of text: verdict, residuals per joint, parameters with their standard deviations."""
@@ -93,7 +102,7 @@ def _estimates(record: dict[str, Any]) -> tuple[tuple[str, ...], np.ndarray, np.
     rows = [*record["base_parameters"], *record["transmission"]]
     values = {row["name"]: row["estimate"] for row in rows}
     for j, row in enumerate(record["friction"], 1):
-        values |= {f"{c}{j}": row[k]["estimate"] for k, c in FRICTION if row[k] is not None}
+        values |= {f"{c}{j}": row[k]["estimate"] for k, c in FRICTION if row.get(k) is not None}
     names = tuple(record["names"])
     parameters = np.array([values[name] for name in names], dtype=float)
     covariance = np.array(record["covariance"], dtype=float)
@@ -105,8 +114,10 @@ def _estimates(record: dict[str, Any]) -> tuple[tuple[str, ...], np.ndarray, np.
 def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
     """(N, n) effort of the parameters at the log's samples, position low-passed and differentiated as for the fit."""
     effort = np.empty(log.position.shape)
+    presliding = settings.presliding(regressor)
     for rows, motion in motion_pieces(log, settings.position_cutoff_hz):
-        effort[rows] = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign)
+        slip = presliding(motion.q) if presliding else None
+        effort[rows] = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign, slip)
     time = clock(log)[0]
     if np.array_equal(time, log.time):
         return effort

@@ -11,7 +11,9 @@ import numpy as np
 
 from identify.errors import InputError
 from identify.estimation.identification import Identification
-from identify.regressor.columns import COUPLED
+from identify.estimation.settings import Settings
+from identify.regressor.columns import COUPLED, JointColumns
+from identify.regressor.regressor import Regressor
 from identify.robot.mjcf import to_mjcf
 from identify.robot.robot import Drive, Robot
 from identify.robot.toml_writing import write_toml
@@ -37,6 +39,38 @@ def with_standard(robot: Robot, standard: np.ndarray, extra: Mapping[str, float]
         viscous, coulomb, offset = (float(extra.get(f"{letters}{j}", 0.0)) for letters in ("Fv", "Fs", "off"))
         joints.append(replace(joint, link=link, drive=Drive(actuator, viscous, coulomb, offset)))
     return replace(robot, joints=tuple(joints))
+
+
+def plain_friction(
+    regressor: Regressor, extra: Mapping[str, float], settings: Settings, speeds: np.ndarray
+) -> dict[str, float]:
+    """`extra` with viscous and Coulomb friction alone, which is all that a robot's description has room for.
+
+    Those nearest to all forms of it together, in least squares over speeds up to `speeds` (arms,) of each joint and
+    coupled motor, neither of them negative. Without further forms, `extra` as it is.
+    """
+    from scipy.optimize import nnls
+
+    if not regressor.forms or regressor.extra is None:
+        return dict(extra)
+    kept = {name: value for name, value in extra.items() if name in JointColumns.of(regressor.robot).names}
+    arms = [column for column in regressor.extra.columns if column.kind in ("Fs", "Fsm")]
+    for column, top in zip(arms, speeds, strict=True):
+        v = np.linspace(0.0, max(top, 1e-3), 201)[1:]
+        of = {"Fs": ("Fv", "Fc", "Fp"), "Fsm": ("Fvm", "Fcm", "Fpm")}[column.kind]
+        viscous, root, state = (f"{kind}{column.index + 1}" for kind in of)
+        whole = extra[column.name] * settings.sign(v) + extra.get(root, 0.0) * np.cbrt(v) + extra.get(state, 0.0)
+        if not column.ratios:
+            whole += extra[viscous] * v
+        kept[column.name], slope = nnls(np.column_stack([np.ones_like(v), v]), whole)[0]
+        if not column.ratios:
+            kept[viscous] = slope
+            continue
+        # A coupled motor's viscous friction is its cross terms; what falls on single joints is theirs.
+        kept[viscous] += slope
+        for i, ratio in enumerate(column.ratios, 1):
+            kept[f"Fv{i}"] += slope * ratio**2
+    return {name: float(value) for name, value in kept.items()}
 
 
 def identified_robot(result: Identification) -> Robot:
@@ -122,6 +156,12 @@ def not_carried(result: Identification, robot: Robot, form: str) -> tuple[str, .
         lost.append(f"coupled motors' inertia and friction ({', '.join(coupled)}): the format has no place for them")
     if robot.transmission and form != "toml":
         lost.append("the transmission from motors to joints: the file's joints and efforts are those of the joint side")
+    if result.settings.friction:
+        forms = " and ".join(form.replace("_", " ") for form in result.settings.friction)
+        lost.append(
+            f"{forms} friction: viscous and Coulomb friction are those nearest to all of it together, up to the "
+            "speeds of the training logs"
+        )
     velocity = result.settings.coulomb_velocity
     if velocity is not None:
         lost.append(

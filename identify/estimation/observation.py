@@ -10,6 +10,7 @@ import numpy as np
 from identify.estimation.motion import PIECE_S, clock, decimated, differentiated, resampled, settled, thinned
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
+from identify.regressor.friction import Presliding
 from identify.regressor.regressor import Regressor
 
 WORKING_RATE_HZ = 400.0
@@ -39,6 +40,7 @@ class Observation:
 class Signals:
     """A log's filtered motion and raw effort at the working rate, all (N, n) but time (N,), whole or a piece of it.
 
+    slip (N, arms): presliding states of joints and coupled motors, None where no friction reads them.
     first: which row of the whole the first one is; inside: the rows that are the piece's own. Those around them are
     there for filters to settle. total: rows of the whole.
     """
@@ -48,24 +50,29 @@ class Signals:
     dq: np.ndarray
     ddq: np.ndarray
     effort: np.ndarray
+    slip: np.ndarray | None
     rate: float
     first: int
     inside: range
     total: int
 
 
-def signals(log: Log, settings: Settings) -> Signals:
+def signals(log: Log, settings: Settings, regressor: Regressor | None = None) -> Signals:
     """The whole log in one piece: position filtered and differentiated at the log's rate; then all is brought down to
     the working rate."""
-    (whole,) = signal_pieces(log, settings, length=np.inf)
+    (whole,) = signal_pieces(log, settings, regressor, length=np.inf)
     return whole
 
 
 def signal_pieces(
-    log: Log, settings: Settings, margin: float | None = None, length: float | None = None
+    log: Log,
+    settings: Settings,
+    regressor: Regressor | None = None,
+    margin: float | None = None,
+    length: float | None = None,
 ) -> Iterator[Signals]:
     """The log piece by piece of `length` [s], PIECE_S by default, each with `margin` [s] of settled signals around it,
-    by default what the parallel filter needs; less at the log's ends."""
+    by default what the parallel filter needs; less at the log's ends. The regressor is that of presliding states."""
     assert log.effort is not None
     time, rate, regular = clock(log)
     factor = max(1, int(rate // WORKING_RATE_HZ))
@@ -73,6 +80,7 @@ def signal_pieces(
     cutoff = settings.position_cutoff_hz
     around = settled(settings.effort_cutoff_hz, rate / factor) if margin is None else round(margin * rate / factor)
     step = total if length == np.inf else max(1, round((length or PIECE_S) * rate / factor))
+    states = _States(settings.presliding(regressor))
     lead = -(-settled(min(cutoff, 0.4 * rate / factor), rate) // factor)
     for start in range(0, total, step):
         # In rows at the working rate: the piece, what its margin reaches, and what the position's filter needs.
@@ -92,11 +100,31 @@ def signal_pieces(
             dq=dq[::factor][kept],
             ddq=ddq[::factor][kept],
             effort=decimated(effort, factor, rate)[kept],
+            slip=states(q[kept.start * factor : kept.stop * factor], shown.start * factor, factor),
             rate=rate / factor,
             first=shown.start,
             inside=range(inside.start - shown.start, inside.stop - shown.start),
             total=total,
         )
+
+
+class _States:
+    """Presliding states of pieces that overlap, one after the other, at the log's rate."""
+
+    def __init__(self, presliding: Presliding | None) -> None:
+        self.presliding = presliding
+        self.known: np.ndarray | None = None
+        self.stop = 0
+
+    def __call__(self, q: np.ndarray, start: int, factor: int) -> np.ndarray | None:
+        """(N, arms) at every factor-th sample of positions q (M, n), whose first is sample `start` of the log."""
+        if self.presliding is None:
+            return None
+        old = 0 if self.known is None else self.stop - start
+        new = self.presliding(q[old:])
+        self.known = new if self.known is None else np.concatenate([self.known[len(self.known) - old :], new])
+        self.stop = start + len(q)
+        return self.known[::factor]
 
 
 def moving(dq: np.ndarray, guard: int) -> np.ndarray:
@@ -146,7 +174,7 @@ class _Thinning:
 def torque_blocks(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Iterator[Observation]:
     """The logs' rows of the torque model, block by block: the one way in which they are made."""
     for log in logs:
-        for s in signal_pieces(log, settings):
+        for s in signal_pieces(log, settings, regressor):
             thin = _Thinning.of(s, settings)
             if not thin.rows:
                 continue
@@ -169,10 +197,10 @@ def torque_residual(
     """(rows, n) effort − matrix·parameters of the rows of `torque_blocks`, without any matrix."""
     parts = []
     for log in logs:
-        for s in signal_pieces(log, settings):
+        for s in signal_pieces(log, settings, regressor):
             thin = _Thinning.of(s, settings)
             if thin.rows:
-                predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign)
+                predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign, s.slip)
                 parts.append(thin((s.effort - predicted).T * thin.mask).T)
     return np.concatenate(parts)
 
@@ -181,7 +209,7 @@ def _rows(regressor: Regressor, s: Signals, settings: Settings) -> list[np.ndarr
     """Each joint's rows at the working rate, transposed: (support + 1, N), the effort last."""
     whole = [np.empty((len(support) + 1, len(s.time))) for support in regressor.supports]
     at = 0
-    for block in regressor.rows(s.q, s.dq, s.ddq, s.effort, settings.sign):
+    for block in regressor.rows(s.q, s.dq, s.ddq, s.effort, settings.sign, s.slip):
         for rows, part in zip(whole, block, strict=True):
             rows[:, at : at + part.shape[1]] = part
         at += block[0].shape[1]

@@ -3,9 +3,10 @@
 Base parameters fitted by least squares may belong to no possible robot. A semidefinite programme finds the standard
 parameters whose base, friction and transmission parameters θ are nearest to the estimate in the norm of its
 information matrix, over robots whose links have a pseudo-inertia [[½tr(I)·1 − I, h], [hᵀ, m]] ≻ 0 and whose drives
-have inertia and friction ≥ 0 (Sousa & Cortesão 2014; Traversaro et al. 2016; Wensing, Kim & Slotine 2018). What the
-data leave open, as how a mass splits between links, is settled by a weak pull towards reference bodies in the constant
-pull-back metric ‖L⁻¹(P − P₀)L⁻ᵀ‖² with P₀ = L·Lᵀ (Lee, Wensing & Park 2020), which knows no frame and no unit.
+have inertia ≥ 0 and friction that resists (Sousa & Cortesão 2014; Traversaro et al. 2016; Wensing, Kim & Slotine
+2018). What the data leave open, as how a mass splits between links, is settled by a weak pull towards reference bodies
+in the constant pull-back metric ‖L⁻¹(P − P₀)L⁻ᵀ‖² with P₀ = L·Lᵀ (Lee, Wensing & Park 2020), which knows no frame and
+no unit.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ import numpy as np
 
 from identify.errors import InputError
 from identify.estimation.reference import Reference
-from identify.regressor.columns import JointColumns
+from identify.estimation.settings import STILL
+from identify.regressor.columns import JointColumns, column_kind
 from identify.regressor.regressor import Regressor
 
 PULL = 1e-3
@@ -32,8 +34,12 @@ LEAST = 1e-5
 PRECISION = 1e-8
 """Relative standard deviation of the best known parameter below which no information is taken seriously."""
 
-NOT_NEGATIVE = ("Fv", "Fs", "Iam", "Fvm", "Fsm")
-"""Kinds of columns whose parameter is an inertia or takes energy away."""
+NOT_NEGATIVE = ("Fv", "Fs", "Iam", "Fvm", "Fsm", "Fc", "Fp", "Fcm", "Fpm")
+"""Kinds of columns whose parameter is an inertia or takes energy away; Coulomb friction together with its HELPERS."""
+
+HELPERS = {"Fs": ("Fv", "Fc", "Fp"), "Fsm": ("Fvm", "Fcm", "Fpm")}
+"""Beside further forms of friction the Coulomb parameter may be negative, as long as all forms together resist at the
+speed up to which it grows, and so at every other: the others grow on or stay."""
 
 WIDTH = 11
 
@@ -44,6 +50,7 @@ class Consistent:
 
     standard (11 n,) in the order of Robot.standard_names; extra {column: value} of friction, offset and transmission,
     those included that the regressor left out; parameters (p,) = θ of both, in the order of Regressor.names.
+    resistance: least that a joint's or motor's Coulomb friction and what helps it amount to [N·m or N].
     cost: δᵀ·Λ·δ with δ how far they are from the estimate and Λ its information matrix, so that one parameter off by
     one standard deviation costs 1; pull: how far links, actuators and columns left out are from their references,
     unweighted. eigenvalues (n,): smallest of each link's pseudo-inertia, SI. primal_residual, dual_residual, gap,
@@ -53,6 +60,7 @@ class Consistent:
     standard: np.ndarray
     extra: dict[str, float]
     parameters: np.ndarray
+    resistance: float
     cost: float
     pull: float
     eigenvalues: np.ndarray
@@ -64,9 +72,12 @@ class Consistent:
 
     @property
     def possible(self) -> bool:
-        """Whether every link is a possible body and no drive has a negative inertia or friction."""
-        taken = [value for name, value in self.extra.items() if _kind(name) in NOT_NEGATIVE]
-        return bool(self.eigenvalues.min() > 0 and min([*self.standard[10::WIDTH], *taken]) >= 0)
+        """Whether every link is a possible body, no drive has a negative inertia and no friction drives."""
+        alone = set(NOT_NEGATIVE) - set(HELPERS)
+        taken = [value for name, value in self.extra.items() if column_kind(name) in alone]
+        return bool(
+            self.eigenvalues.min() > 0 and min([*self.standard[10::WIDTH], *taken]) >= 0 and self.resistance >= 0
+        )
 
 
 def nearest_consistent(
@@ -76,23 +87,26 @@ def nearest_consistent(
     reference: Reference,
     mass_bounds: np.ndarray | None = None,
     pull: float = PULL,
+    coulomb_velocity: float | None = None,
 ) -> Consistent:
     """The possible robot nearest to estimate (p,) in the norm of its information matrix (p, p).
 
     The information is WᵀW of the weighted observation matrix, or the inverse of the estimate's covariance.
     reference: bodies and actuator inertias of the pull, for which `pull` is the weight: with a drawing's values and a
     weight of 1, a prior of about 100 % standard deviation. mass_bounds (n, 2): lowest and highest mass of each link
-    [kg], infinite where there is none. InputError for bounds that no mass meets or if the solver finds no solution.
+    [kg], infinite where there is none. coulomb_velocity: speed up to which a smooth sign grows. InputError for bounds
+    that no mass meets or if the solver finds no solution.
     """
-    problem = _Problem(regressor, estimate, information, reference, pull)
+    problem = _Problem(regressor, estimate, information, reference, pull, coulomb_velocity or STILL)
     solution, unknowns, size = _solve(problem, mass_bounds)
-    standard, extra = problem.read(unknowns)
+    standard, extra, resistance = problem.read(unknowns)
     parameters = regressor.theta(standard, extra)
     apart = (unknowns - problem.centre)[problem.pulled > 0]
     return Consistent(
         standard=standard,
         extra=extra,
         parameters=parameters,
+        resistance=resistance,
         cost=float(np.sum((problem.root @ (parameters - estimate)) ** 2)),
         pull=float(np.sum(apart**2)),
         eigenvalues=smallest_eigenvalues(standard),
@@ -119,6 +133,7 @@ class _Problem:
         information: np.ndarray,
         reference: Reference,
         pull: float,
+        slow: float,
     ) -> None:
         n, m = regressor.robot.n, len(regressor.base.names)
         self.n = n
@@ -126,6 +141,16 @@ class _Problem:
         kept = regressor.extra.columns if regressor.extra else ()
         self.columns = (*kept, *(column for column in every if column.name in regressor.dropped))
         self.names = tuple(column.name for column in self.columns)
+        weight = {"Fv": slow, "Fvm": slow, "Fc": np.cbrt(slow), "Fcm": np.cbrt(slow), "Fp": 1.0, "Fpm": 1.0}
+        self.helped = {
+            column.name: {
+                name: weight[kind]
+                for kind in HELPERS[column.kind]
+                if regressor.forms and (name := f"{kind}{column.index + 1}") in self.names
+            }
+            for column in self.columns
+            if column.kind in HELPERS
+        }
         self.actuators = reference.actuators
         self.maps = np.array([_from_triangle(np.linalg.cholesky(body)) for body in reference.bodies])
         self.root = _root(information, estimate)
@@ -146,15 +171,20 @@ class _Problem:
         self.centre = np.concatenate([np.tile(_EYE, n), np.ones(n), np.zeros(len(self.names))])
         self.estimate = estimate
 
-    def read(self, unknowns: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
-        """Standard parameters (11 n,) and friction and transmission by name; what may not be negative is not."""
+    def read(self, unknowns: np.ndarray) -> tuple[np.ndarray, dict[str, float], float]:
+        """Standard parameters (11 n,), friction and transmission by name, and the least resistance; what may not be
+        negative is not."""
         n = self.n
         bodies = np.array([_raised(triangle) for triangle in unknowns[: 10 * n].reshape(n, 10)])
         links = np.einsum("nik,nk->ni", self.maps, bodies)
         actuators = np.maximum(unknowns[10 * n : 11 * n], 0.0) * self.actuators
         extra = dict(zip(self.names, (unknowns[11 * n :] * self.units).tolist(), strict=True))
-        kept = {name: max(value, 0.0) if _kind(name) in NOT_NEGATIVE else value for name, value in extra.items()}
-        return np.column_stack([links, actuators]).ravel(), kept
+        alone = set(NOT_NEGATIVE) - set(HELPERS)
+        kept = {name: max(value, 0.0) if column_kind(name) in alone else value for name, value in extra.items()}
+        least = {name: -sum((w * kept[x] for x, w in others.items()), 0.0) for name, others in self.helped.items()}
+        kept |= {name: max(kept[name], floor) for name, floor in least.items()}
+        resistance = min((kept[name] - floor for name, floor in least.items()), default=0.0)
+        return np.column_stack([links, actuators]).ravel(), kept, resistance
 
     def not_negative(self) -> np.ndarray:
         """(rows, unknowns) whose product with the unknowns may not be negative.
@@ -169,7 +199,10 @@ class _Problem:
         shared = {key: row.copy() for key, row in whole.items()}
         for column in self.columns:
             if column.kind in NOT_NEGATIVE:
-                rows.append(np.eye(size)[at[column.kind, column.index]])
+                row = self._unit(at[column.kind, column.index])
+                for name, share in self.helped.get(column.name, {}).items():
+                    row += share * self._unit(11 * n + self.names.index(name))
+                rows.append(row / np.abs(row).max())
             for j, ratio in enumerate(column.ratios):
                 if (column.kind, j) in shared:
                     shared[column.kind, j] -= ratio**2 * self._unit(at[column.kind, column.index])
@@ -287,11 +320,6 @@ def _root(information: np.ndarray, estimate: np.ndarray) -> np.ndarray:
     root = (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
     best = np.max(scale * np.abs(estimate))
     return root / max(1.0, best * PRECISION)
-
-
-def _kind(name: str) -> str:
-    """The kind of a column by its name: Fv of Fv3."""
-    return name.rstrip("0123456789")
 
 
 # The upper triangle, column by column, as Clarabel wants it.

@@ -1,16 +1,17 @@
 """Which processing suits these logs: decided inside the training logs, by cross-validation over short blocks.
 
-Two choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take
-the exact sign, or count every row and smooth the sign. Then the cut-off of the position. Each candidate is fitted
-on four fifths of the training logs and predicts the effort of the rest, five times over. The treatment of rest is
-judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`. Test logs are
-never looked at.
+Three choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take
+the exact sign, or count every row and smooth the sign. Then the forms of friction: one form is added after the other,
+that which lowers the residual most, as long as it does so beyond doubt. Then the cut-off of the position. Each
+candidate is fitted on four fifths of the training logs and predicts the effort of the rest, five times over. The
+treatment of rest is judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`;
+friction on all samples where rest is counted, else on those where the joint moves. Test logs are never looked at.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -20,11 +21,12 @@ from identify.errors import UnsupportedLogError
 from identify.estimation.energy import energy_least_squares, energy_observation, stacked_energy
 from identify.estimation.least_squares import solution, weights_by_noise
 from identify.estimation.motion import low_pass
-from identify.estimation.observation import END_S, Observation, moving, signals, stacked, torque_blocks
+from identify.estimation.observation import END_S, Observation, Signals, moving, signals, stacked, torque_blocks
 from identify.estimation.reduction import reduced
 from identify.estimation.scoring import CUTOFF_HZ, relative
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
+from identify.regressor.friction import FURTHER, PRESLIDING, further_forms
 from identify.regressor.regressor import Regressor
 
 FOLDS = 5
@@ -34,6 +36,15 @@ BLOCK_S = 0.5
 GAP_S = 0.1
 """Rows this close to a block left out are left out with it: the filters would carry it over."""
 
+SURE = 2.0
+"""A further form of friction must lower the squared residual by so many standard errors of what it gains …"""
+
+WORTH_IT = 0.1
+"""… and the residual by this much [% of the torque]: below, the simpler model is as good and its parameters clearer."""
+
+DISTANCES = (1e-4, 3e-5, 3e-4)
+"""Presliding distances [rad or m], the usual one first."""
+
 SMOOTHING = (0.02, 0.05, 0.1)
 CUTOFFS_HZ = (15.0, 20.0, 25.0, 30.0, 40.0, 60.0, 100.0)
 WINDOWS_S = (0.05, 0.1, 0.2)
@@ -42,32 +53,106 @@ ENERGY_CUTOFFS_HZ = (5.0, 8.0, 10.0, 15.0, 20.0, 40.0)
 Progress = Callable[[float, str], None] | None
 
 
-def choose_settings(
-    regressor: Regressor, logs: Sequence[Log], start: Settings | None = None, progress: Progress = None
-) -> tuple[Settings, list[dict[str, Any]]]:
-    """Settings of the torque model for these logs, and what was tried: [{settings, score_percent, …}]."""
-    base = start or Settings()
-    treatments = [base] + [replace(base, coulomb_velocity=v, rest_counted=True) for v in SMOOTHING]
-    tried: list[dict[str, Any]] = []
+@dataclass(frozen=True, eq=False)
+class Validation:
+    """Residuals of the effort in blocks that the fit has not seen: `percent` {"all_percent", "moving_percent"} [%] of
+    all, and `blocks` of the same names (B,): the sum of their squares over each block of BLOCK_S."""
 
-    def best(candidates: Sequence[Settings], figure: str, share: float) -> Settings:
-        scores = []
+    percent: dict[str, float]
+    blocks: dict[str, np.ndarray]
+
+
+IMPOSSIBLE = Validation(dict.fromkeys(("all_percent", "moving_percent"), np.inf), {})
+"""Of settings under which the logs can't tell the parameters apart."""
+
+
+def choose_settings(
+    regressor: Regressor,
+    logs: Sequence[Log],
+    start: Settings | None = None,
+    friction: Collection[str] | None = None,
+    progress: Progress = None,
+) -> tuple[Settings, list[dict[str, Any]]]:
+    """Settings of the torque model for these logs, and what was tried: [{settings, score_percent, …}].
+
+    friction: the further forms of friction to have, which are chosen too where it is None.
+    """
+    base = start or Settings()
+    tried: list[dict[str, Any]] = []
+    models = {regressor.forms: regressor}
+
+    def judged(candidates: Sequence[Settings], share: float, until: float, needed: bool = True) -> list[Validation]:
+        found = []
         for k, candidate in enumerate(candidates):
             if progress:
-                progress(share + 0.5 * k / len(candidates), "choosing the treatment of rest and the filter")
-            scores.append(cross_validated(regressor, logs, candidate))
-            tried.append({"settings": candidate.to_dict(), **scores[-1]})
-        return candidates[int(np.argmin([s[figure] for s in scores]))]
+                progress(share + (until - share) * k / len(candidates), "choosing how rest, friction and noise are met")
+            if candidate.friction not in models:
+                models[candidate.friction] = regressor.with_forms(candidate.friction)
+            try:
+                found.append(validated(models[candidate.friction], logs, candidate))
+            except UnsupportedLogError:
+                if needed:
+                    raise
+                found.append(IMPOSSIBLE)
+            else:
+                tried.append({"settings": candidate.to_dict(), **found[-1].percent})
+        return found
 
-    treatment = best(treatments, "all_percent", 0.0)
-    others = [replace(treatment, position_cutoff_hz=f, guard_s=min(0.05, 1 / f)) for f in CUTOFFS_HZ]
-    return best(others, "moving_percent", 0.5), tried
+    asked = None if friction is None else further_forms(friction)
+    smooth = [replace(base, coulomb_velocity=v, rest_counted=True) for v in SMOOTHING]
+    # The presliding state is told by rest and by what is near to it.
+    treatments = smooth if asked is not None and PRESLIDING in asked else [base, *smooth]
+    scores = judged(treatments, 0.0, 0.3)
+    best = _least(scores, "all_percent")
+    chosen, score = treatments[best], scores[best]
+    figure = "all_percent" if chosen.rest_counted else "moving_percent"
+    for form in asked or ():
+        chosen = _with_form(chosen, form)
+    open_to = [form for form in FURTHER if asked is None and (form != PRESLIDING or chosen.rest_counted)]
+    while open_to:
+        candidates = [_with_form(chosen, form) for form in open_to]
+        scores = judged(candidates, 0.3, 0.5, needed=False)
+        best = _least(scores, figure)
+        if not _surely_better(score, scores[best], figure):
+            break
+        chosen, score = candidates[best], scores[best]
+        open_to.pop(best)
+    if PRESLIDING in chosen.friction:
+        candidates = [replace(chosen, presliding_distance=x) for x in DISTANCES]
+        chosen = candidates[_least(judged(candidates, 0.5, 0.6), figure)]
+    others = [replace(chosen, position_cutoff_hz=f, guard_s=min(0.05, 1 / f)) for f in CUTOFFS_HZ]
+    return others[_least(judged(others, 0.6, 1.0), "moving_percent")], tried
+
+
+def _least(scores: Sequence[Validation], figure: str) -> int:
+    return int(np.argmin([score.percent[figure] for score in scores]))
+
+
+def _with_form(settings: Settings, form: str) -> Settings:
+    """The settings with one more form of friction."""
+    forms = tuple(f for f in FURTHER if f in (*settings.friction, form))
+    distance = DISTANCES[0] if form == PRESLIDING else settings.presliding_distance
+    return replace(settings, friction=forms, presliding_distance=distance)
+
+
+def _surely_better(simple: Validation, more: Validation, figure: str) -> bool:
+    """Whether the gain is more than SURE of its standard errors, by its scatter over the blocks, and WORTH_IT."""
+    if more is IMPOSSIBLE:
+        return False
+    gain = simple.blocks[figure] - more.blocks[figure]
+    error = np.std(gain, ddof=1) * np.sqrt(len(gain)) if len(gain) > 1 else np.inf
+    return bool(gain.sum() > SURE * error and simple.percent[figure] - more.percent[figure] >= WORTH_IT)
 
 
 def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> dict[str, float]:
     """Residuals [%] of the effort in blocks that the fit has not seen: over all samples, and moving."""
+    return validated(regressor, logs, settings).percent
+
+
+def validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Validation:
+    """The fit with these settings, on blocks that it has not seen."""
     observations = [stacked(torque_blocks(regressor, [log], settings)) for log in logs]
-    pieces = [signals(log, settings) for log in logs]
+    pieces = [signals(log, settings, regressor) for log in logs]
     whole = stacked(observations)
     offsets = np.cumsum([0.0, *(log.duration + 10 * BLOCK_S for log in logs)])
     time = np.concatenate([o.time + t for o, t in zip(observations, offsets, strict=False)])
@@ -88,7 +173,8 @@ def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Setting
         parameters = solution(reduction, weights_by_noise(reduction))[2]
         for s, t, hat in zip(pieces, offsets, predicted, strict=False):
             here = ((s.time + t) // BLOCK_S).astype(int) % FOLDS == k
-            hat[here] = regressor.inverse_dynamics(s.q[here], s.dq[here], s.ddq[here], parameters, settings.sign)
+            slip = None if s.slip is None else s.slip[here]
+            hat[here] = regressor.inverse_dynamics(s.q[here], s.dq[here], s.ddq[here], parameters, settings.sign, slip)
     return _residuals(pieces, predicted)
 
 
@@ -107,23 +193,26 @@ def choose_window(
             reason = error
             continue
         predicted = [regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign) for s in pieces]
-        tried.append({"settings": candidate.to_dict(), **_residuals(pieces, predicted)})
+        tried.append({"settings": candidate.to_dict(), **_residuals(pieces, predicted).percent})
     if not tried:
         raise reason
     return Settings.from_dict(min(tried, key=lambda t: t["moving_percent"])["settings"]), tried
 
 
-def _residuals(pieces: Sequence[Any], predicted: Sequence[np.ndarray]) -> dict[str, float]:
-    """Residuals [%] over the logs' insides: all samples, and those where the joint moves."""
-    totals = {"all": [[], []], "moving": [[], []]}  # type: dict[str, list[list[np.ndarray]]]
-    for s, hat in zip(pieces, predicted, strict=True):
-        end = round(END_S * s.rate)
-        inside = slice(end, len(s.time) - end)
-        for name, mask in (("all", np.ones_like(hat, dtype=bool)), ("moving", moving(s.dq, 0))):
-            for at, effort in enumerate((s.effort, hat)):
-                totals[name][at].append(low_pass(effort * mask, CUTOFF_HZ, s.rate)[inside])
-    percent = {name: relative(np.concatenate(a), np.concatenate(b)) or 0.0 for name, (a, b) in totals.items()}
-    return {
-        "all_percent": percent["all"],
-        "moving_percent": percent["moving"],
-    }
+def _residuals(pieces: Sequence[Signals], predicted: Sequence[np.ndarray]) -> Validation:
+    """Residuals over the logs' insides: all samples, and those where the joint moves."""
+    percent, blocks = {}, {}
+    for name in ("all_percent", "moving_percent"):
+        measured, found, errors = [], [], []
+        for s, hat in zip(pieces, predicted, strict=True):
+            end = round(END_S * s.rate)
+            inside = slice(end, len(s.time) - end)
+            mask = moving(s.dq, 0) if name == "moving_percent" else np.ones_like(hat, dtype=bool)
+            a, b = (low_pass(effort * mask, CUTOFF_HZ, s.rate)[inside] for effort in (s.effort, hat))
+            measured.append(a)
+            found.append(b)
+            starts = range(0, len(a), max(1, round(BLOCK_S * s.rate)))
+            errors.append(np.add.reduceat(((a - b) ** 2).sum(axis=1), starts) if len(a) else np.empty(0))
+        percent[name] = relative(np.concatenate(measured), np.concatenate(found)) or 0.0
+        blocks[name] = np.concatenate(errors)
+    return Validation(percent, blocks)

@@ -7,6 +7,8 @@ from typing import Any
 
 from identify.logs.triage import REST_SPEED
 from identify.regressor.columns import Sign, smooth_sign
+from identify.regressor.friction import PRESLIDING, Presliding, further_forms
+from identify.regressor.regressor import Regressor
 
 STILL = REST_SPEED
 """A joint slower than this [rad/s or m/s] counts as at rest."""
@@ -22,7 +24,9 @@ class Settings:
     nothing is known of friction; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
     rest_counted: whether rows of a joint at rest are used; if not, they and those within guard_s of them are set to
     zero on both sides before the parallel filter. window_s: length of the energy model's windows; energy_cutoff_hz:
-    low-pass of the position for its energies, which want less noise and need no acceleration.
+    low-pass of the position for its energies, which want less noise and need no acceleration. friction: forms of it
+    beside the plain ones, of `identify.regressor.friction`; presliding_distance [rad or m]: the way on which a joint's
+    presliding state changes.
     """
 
     position_cutoff_hz: float = 40.0
@@ -33,11 +37,15 @@ class Settings:
     guard_s: float = 0.025
     window_s: float | None = None
     energy_cutoff_hz: float | None = None
+    friction: tuple[str, ...] = ()
+    presliding_distance: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("position_cutoff_hz", "effort_cutoff_hz", "decimated_rate_hz"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        if (PRESLIDING in self.friction) != (self.presliding_distance is not None and self.presliding_distance > 0):
+            raise ValueError(f"friction {self.friction} with presliding_distance {self.presliding_distance}")
 
     @property
     def sign(self) -> Sign:
@@ -45,12 +53,19 @@ class Settings:
         # The sign of a velocity that is noise around zero would predict ±Fs of a joint at rest.
         return smooth_sign(STILL if self.coulomb_velocity is None else self.coulomb_velocity)
 
+    def presliding(self, regressor: Regressor | None) -> Presliding | None:
+        """What follows the regressor's presliding states along a log, or None where no friction reads them."""
+        if regressor is None or self.presliding_distance is None:
+            return None
+        return regressor.presliding(self.presliding_distance)
+
     def to_dict(self) -> dict[str, Any]:
         """All of it for JSON, less what does not apply."""
         form = "sign" if self.coulomb_velocity is None else "smooth sign"
         applying = {key: value for key, value in asdict(self).items() if value is not None}
-        return {**applying, "still_rad_s": STILL, "coulomb_form": form}
+        return {**applying, "friction": list(self.friction), "still_rad_s": STILL, "coulomb_form": form}
 
     @staticmethod
     def from_dict(record: dict[str, Any]) -> Settings:
-        return Settings(**{k: v for k, v in record.items() if k in Settings.__dataclass_fields__})
+        known = {k: v for k, v in record.items() if k in Settings.__dataclass_fields__}
+        return Settings(**known | {"friction": further_forms(known.get("friction", ()))})

@@ -58,7 +58,7 @@ def _estimators(rows: list[dict[str, Any]]) -> list[str]:
 def _parameters(record: dict[str, Any]) -> list[str]:
     rows = [(b["name"], b) for b in record["base_parameters"]]
     for j, joint in enumerate(record["friction"], 1):
-        rows += [(f"{name}{j}", joint[key]) for key, name in FRICTION if joint[key] is not None]
+        rows += [(f"{name}{j}", joint[key]) for key, name in FRICTION if joint.get(key) is not None]
     rows += [(t["name"], t) for t in record["transmission"]]
     condition = record["fit"]["condition_number"]
     settings = record["settings"]

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.robot.robot import Robot
 from identify.symbolic.expression import Expression, Graph
 
@@ -19,8 +20,25 @@ OWN = ("Fv", "Fs", "off")
 COUPLED = ("Iam", "Fvm", "Fsm")
 """Columns of every coupled motor: inertia, viscous friction, Coulomb friction."""
 
-TURNING = {"Fv": "N·m·s/rad", "Fs": "N·m", "off": "N·m", "Iam": "kg·m²", "Fvm": "N·m·s/rad", "Fsm": "N·m"}
-SLIDING = {"Fv": "N·s/m", "Fs": "N", "off": "N", "Iam": "kg", "Fvm": "N·s/m", "Fsm": "N"}
+MORE = {CUBE_ROOT: ("Fc", "Fcm"), PRESLIDING: ("Fp", "Fpm")}
+"""Columns of the further forms of friction: of every joint, and of every coupled motor with Coulomb friction."""
+
+READS = {"Fs": "sign", "Fsm": "sign"} | {kind: form for form, kinds in MORE.items() for kind in kinds}
+"""The friction signal that a column reads, of its joint or motor."""
+
+TAKING = ("Fv", "off", "Fvm", *READS)
+"""Columns of friction and offset."""
+
+_FORCES = {"Fs": "N", "off": "N", "Fsm": "N", "Fp": "N", "Fpm": "N"}
+_TORQUES = dict.fromkeys(_FORCES, "N·m")
+TURNING = _TORQUES | {"Iam": "kg·m²", **dict.fromkeys(("Fv", "Fvm"), "N·m·s/rad")}
+TURNING |= dict.fromkeys(("Fc", "Fcm"), "N·m·(s/rad)^⅓")
+SLIDING = _FORCES | {"Iam": "kg", **dict.fromkeys(("Fv", "Fvm"), "N·s/m"), **dict.fromkeys(("Fc", "Fcm"), "N·(s/m)^⅓")}
+
+
+def column_kind(name: str) -> str:
+    """The kind of a column by its name: Fv of Fv3."""
+    return name.rstrip("0123456789")
 
 
 def smooth_sign(velocity: float) -> Sign:
@@ -46,14 +64,16 @@ class Column:
 
 @dataclass(frozen=True)
 class JointColumns:
-    """Fv, Fs and offset of each joint, then Iam, Fvm and Fsm of each coupled motor.
+    """Fv, Fs and offset of each joint, then Iam, Fvm and Fsm of each coupled motor, then further forms of friction.
 
     Of a coupled motor's inertia, ½ Iam ṁ², and viscous friction, Fvm ṁ², what falls on single joints is already in
-    their Ia and Fv: the columns hold the cross terms. Its Coulomb friction adds ratiosᵀ·sign(ṁ), whole.
+    their Ia and Fv: the columns hold the cross terms. Its Coulomb friction adds ratiosᵀ·sign(ṁ), whole, and so do
+    further forms of it with their own signal for the sign.
     """
 
     columns: tuple[Column, ...]
     revolute: tuple[bool, ...]
+    forms: tuple[str, ...] = ()
 
     @staticmethod
     def of(robot: Robot) -> JointColumns:
@@ -64,6 +84,13 @@ class JointColumns:
     def without(self, names: Collection[str]) -> JointColumns:
         """The same, less the columns of these names."""
         return replace(self, columns=tuple(column for column in self.columns if column.name not in names))
+
+    def with_forms(self, forms: tuple[str, ...]) -> JointColumns:
+        """The same, and behind them the columns of further forms of friction: joint by joint, then motor by motor."""
+        motors = [c for c in self.columns if c.kind == "Fsm"]
+        own = (Column(MORE[form][0], j) for j in range(len(self.revolute)) for form in forms)
+        coupled = (Column(MORE[form][1], motor.index, motor.ratios) for motor in motors for form in forms)
+        return replace(self, columns=(*self.columns, *own, *coupled), forms=(*self.forms, *forms))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -82,20 +109,19 @@ class JointColumns:
         return tuple((TURNING if self.revolute[column.index] else SLIDING)[column.kind] for column in self.columns)
 
     def entries(self, graph: Graph, rates: str = "dq", accelerations: str = "ddq") -> dict[tuple[int, int], Expression]:
-        """{(joint, column): effort per unit of the parameter}, of the symbols rates1 …, accelerations1 … and sign1 …"""
+        """{(joint, column): effort per unit of the parameter}, of the symbols rates1 …, accelerations1 … and sign1 …,
+        which stand for all friction signals."""
         found: dict[tuple[int, int], Expression] = {}
         for at, column in enumerate(self.columns):
             j, rho = column.index, column.ratios
             match column.kind:
                 case "Fv":
                     found[j, at] = graph.symbol(f"{rates}{j + 1}")
-                case "Fs":
-                    found[j, at] = graph.symbol(f"sign{j + 1}")
                 case "off":
                     found[j, at] = graph.constant(1.0)
-                case "Fsm":
-                    motor = len(self.revolute) + self._motors.index(rho)
-                    found |= {(i, at): graph.symbol(f"sign{motor + 1}") * r for i, r in enumerate(rho)}
+                case kind if kind in READS:
+                    signal = graph.symbol(f"sign{self._signal(column) + 1}")
+                    found |= {(i, at): signal * r for i, r in enumerate(rho)} if rho else {(j, at): signal}
                 case _:
                     x = accelerations if column.kind == "Iam" else rates
                     for i, r in enumerate(rho):
@@ -110,12 +136,33 @@ class JointColumns:
 
     @property
     def signs(self) -> int:
-        """Number of signs: of each joint, then of each coupled motor."""
+        """Number of friction signals: the sign of each joint, then of each coupled motor; then the further forms'."""
+        return self.arms * (1 + len(self.forms))
+
+    @property
+    def arms(self) -> int:
+        """Number of joints and of coupled motors that have friction of their own."""
         return len(self.revolute) + len(self._motors)
 
     def speeds(self, dq: np.ndarray) -> np.ndarray:
-        """(…, signs) speeds of the joints and of the coupled motors, whose signs the Coulomb columns hold."""
+        """(…, arms) speeds of the joints and of the coupled motors, whose signs the Coulomb columns hold; of positions,
+        their positions."""
         return np.concatenate([dq, dq @ np.transpose(self._motors)], axis=-1) if self._motors else dq
+
+    def signals(self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None) -> np.ndarray:
+        """(…, signs) friction signals at the joints' velocity (…, n); slip (…, arms): presliding states, by default
+        those of a joint that slides on."""
+        speeds = self.speeds(dq)
+        signs = sign(speeds)
+        if not self.forms:
+            return signs
+        further = {CUBE_ROOT: np.cbrt(speeds), PRESLIDING: signs if slip is None else slip}
+        return np.concatenate([signs, *(further[form] for form in self.forms)], axis=-1)
+
+    def _signal(self, column: Column) -> int:
+        """Which of the friction signals the column reads."""
+        arm = len(self.revolute) + self._motors.index(column.ratios) if column.ratios else column.index
+        return ("sign", *self.forms).index(READS[column.kind]) * self.arms + arm
 
     def energy(self, out: np.ndarray, dq: np.ndarray) -> None:
         """Fill out (N, len(names)) with stored energy: the cross terms of coupled motors' inertia, zero elsewhere."""
@@ -124,24 +171,24 @@ class JointColumns:
             if column.kind == "Iam":
                 out[:, at] = 0.5 * (dq * _cross_terms(dq, np.array(column.ratios))).sum(axis=1)
 
-    def power(self, out: np.ndarray, dq: np.ndarray, sign: Sign) -> None:
+    def power(self, out: np.ndarray, dq: np.ndarray, sign: Sign, slip: np.ndarray | None = None) -> None:
         """Fill out (N, len(names)) with the power q̇ᵀΓ that friction and offset take per unit of each parameter,
         zero for inertias."""
+        speeds, signals = self.speeds(dq), self.signals(dq, sign, slip)
         for at, column in enumerate(self.columns):
             j, rho = column.index, np.array(column.ratios)
             match column.kind:
                 case "Fv":
                     out[:, at] = dq[:, j] ** 2
-                case "Fs":
-                    out[:, at] = dq[:, j] * sign(dq[:, j])
                 case "off":
                     out[:, at] = dq[:, j]
+                case kind if kind in READS:
+                    signal = self._signal(column)
+                    out[:, at] = speeds[:, signal % self.arms] * signals[:, signal]
                 case "Iam":
                     out[:, at] = 0.0
                 case "Fvm":
                     out[:, at] = (dq * _cross_terms(dq, rho)).sum(axis=1)
-                case "Fsm":
-                    out[:, at] = dq @ rho * sign(dq @ rho)
 
 
 def _cross_terms(x: np.ndarray, rho: np.ndarray) -> np.ndarray:

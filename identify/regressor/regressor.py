@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from identify.regressor.backend import Backend
 from identify.regressor.columns import JointColumns, Sign
 from identify.regressor.dependence import dependent_columns
+from identify.regressor.friction import Presliding, further_forms
 from identify.regressor.kernel import Kernel, blocks
 from identify.robot.robot import Drive, Robot
 from identify.symbolic.base_parameters import base_parameters
@@ -25,28 +26,38 @@ class Regressor:
     """Torque and energy regressors of a robot, generated from its symbolic models.
 
     `names` (p,) base parameters, then per joint Fv, Fs, offset, then the transmission's columns; with
-    friction=False the base parameters alone. `units` (p,). All arrays are on the joint side, SI, in the robot's
-    joint order; q, dq, ddq are (n,) for one sample or (N, n) for many. Nothing beyond the result and one block
-    of samples is held in memory.
+    friction=False the base parameters alone. friction may also name forms of friction, of those in
+    `identify.regressor.friction`: "cube_root", Fc·sign(q̇)·|q̇|^⅓, and "presliding", Fp·z with z of `presliding`. Their
+    columns stand behind all others, per joint and then per coupled motor with Coulomb friction (Fcm, Fpm); the plain
+    forms are always there. `units` (p,). All arrays are on the joint side, SI, in the robot's joint order; q, dq, ddq
+    are (n,) for one sample or (N, n) for many. Nothing beyond the result and one block of samples is held in memory.
 
-    `dropped` {column: {kept column: factor}}: columns left out because they are combinations of others: the inertia
-    of a motor coupled to two parallel axes, say, or the offset of a vertical sliding joint, whose mass and actuator
-    inertia make the same constant force. A kept column's parameter then holds factor × the dropped one besides its
-    own.
+    `forms`: the further forms of friction. `dropped` {column: {kept column: factor}}: columns left out because they
+    are combinations of others: the inertia of a motor coupled to two parallel axes, say, or the offset of a vertical
+    sliding joint, whose mass and actuator inertia make the same constant force. A kept column's parameter then holds
+    factor × the dropped one besides its own.
     """
 
-    def __init__(self, robot: Robot, friction: bool = True, compiler: bool | None = None) -> None:
+    def __init__(self, robot: Robot, friction: bool | Collection[str] = True, compiler: bool | None = None) -> None:
         self.robot = robot
         self.base = base_parameters(robot)
+        self._compiler = compiler
         self._backend = Backend(compiler)
-        self.extra = JointColumns.of(robot) if friction else None
+        self.forms = further_forms(friction)
+        self.extra = JointColumns.of(robot) if friction is not False else None
         self.dropped: dict[str, dict[str, float]] = {}
         candidates = self.extra.doubtful if self.extra else ()
         if self.extra and candidates:
             self.dropped = dependent_columns(self._random_samples(), self.names, candidates)
-            if self.dropped:
-                self.extra = self.extra.without(self.dropped)
-                del self._torque, self.names, self.p  # made with all columns
+            self.extra = self.extra.without(self.dropped)
+            if self.dropped or self.forms:
+                del self._torque, self.names, self.p  # made with all plain columns
+        if self.extra:
+            self.extra = self.extra.with_forms(self.forms)
+
+    def with_forms(self, forms: Collection[str]) -> Regressor:
+        """The same robot's regressor with these further forms of friction."""
+        return Regressor(self.robot, forms, self._compiler)
 
     @property
     def backend(self) -> str:
@@ -94,24 +105,31 @@ class Regressor:
         return theta
 
     def torque(
-        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, out: np.ndarray | None = None, sign: Sign = np.sign
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        out: np.ndarray | None = None,
+        sign: Sign = np.sign,
+        slip: np.ndarray | None = None,
     ) -> np.ndarray:
         """Torque regressor Y: (n, p) for one sample, (N, n, p) for many.
 
         `out` takes the result without allocating it: a float array of that shape, contiguous or not. `sign` is the
-        Coulomb columns' function of the velocity, exact by default (sign(0) = 0).
+        Coulomb columns' function of the velocity, exact by default (sign(0) = 0). `slip` is what presliding columns
+        read, as `presliding` gives it; by default the sign, which is its value in steady sliding.
         """
         q, dq, ddq, single = _samples(self.robot.n, q, dq, ddq)
         if single:
             if out is not None:
                 _check(out, (self.robot.n, self.p))
-            return self._torque.one(out, q, dq, ddq, *self._signs(dq, sign))
+            return self._torque.one(out, q, dq, ddq, *self._signals(dq, sign, slip))
         if out is None:
             out = np.empty((len(q), self.robot.n, self.p))
         _check(out, (len(q), self.robot.n, self.p))
         fill = self._torque.filler(out)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], ddq[rows], *self._signs(dq[rows], sign))
+            fill(rows, q[rows], dq[rows], ddq[rows], *self._signals(dq[rows], sign, slip, rows))
         return out
 
     def energy(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -128,22 +146,29 @@ class Regressor:
             fill(rows, q[rows], dq[rows])
         return full[:, 0]
 
-    def power(self, dq: np.ndarray, sign: Sign = np.sign) -> np.ndarray:
+    def power(self, dq: np.ndarray, sign: Sign = np.sign, slip: np.ndarray | None = None) -> np.ndarray:
         """Power q̇ᵀΓ [W] per unit of each friction and offset parameter, zero for inertial ones: (p,) or (N, p).
 
         q̇ᵀΓ = d(energy·θ)/dt + power·θ.
         """
         dq, single = _samples(self.robot.n, dq)
         if single:
-            return self.power(dq[None], sign)[0]
+            return self.power(dq[None], sign, None if slip is None else slip[None])[0]
         full = np.zeros((len(dq), self.p))
         if self.extra:
             for rows in blocks(len(dq)):
-                self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign)
+                states = None if slip is None else slip[rows]
+                self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign, states)
         return full
 
     def slotine_li(
-        self, q: np.ndarray, dq: np.ndarray, dq_ref: np.ndarray, ddq_ref: np.ndarray, sign: Sign = np.sign
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        dq_ref: np.ndarray,
+        ddq_ref: np.ndarray,
+        sign: Sign = np.sign,
+        slip: np.ndarray | None = None,
     ) -> np.ndarray:
         """(n, p) or (N, n, p): A(q)·q̈_ref + C(q,q̇)·q̇_ref + Q(q) = Ys·θ, C by Christoffel symbols, friction at q̇.
 
@@ -152,15 +177,21 @@ class Regressor:
         """
         q, dq, dq_ref, ddq_ref, single = _samples(self.robot.n, q, dq, dq_ref, ddq_ref)
         if single:
-            return self._slotine_li.one(None, q, dq, dq_ref, ddq_ref, *self._signs(dq, sign))
+            return self._slotine_li.one(None, q, dq, dq_ref, ddq_ref, *self._signals(dq, sign, slip))
         full = np.empty((len(q), self.robot.n, self.p))
         fill = self._slotine_li.filler(full)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], dq_ref[rows], ddq_ref[rows], *self._signs(dq[rows], sign))
+            fill(rows, q[rows], dq[rows], dq_ref[rows], ddq_ref[rows], *self._signals(dq[rows], sign, slip, rows))
         return full
 
     def inverse_dynamics(
-        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray, sign: Sign = np.sign
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        theta: np.ndarray,
+        sign: Sign = np.sign,
+        slip: np.ndarray | None = None,
     ) -> np.ndarray:
         """Joint effort Γ = Y·θ without storing Y: (n,) for one sample, (N, n) for many.
 
@@ -171,11 +202,11 @@ class Regressor:
         if theta.shape != (self.p,):
             raise ValueError(f"theta has shape {theta.shape}; expected ({self.p},), in the order of Regressor.names")
         if single:
-            return self._recurrence.one(None, q, dq, ddq, *self._signs(dq, sign), constants=theta)[:, 0]
+            return self._recurrence.one(None, q, dq, ddq, *self._signals(dq, sign, slip), constants=theta)[:, 0]
         effort = np.empty((len(q), self.robot.n, 1))
         fill = self._recurrence.filler(effort)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], ddq[rows], *self._signs(dq[rows], sign), constants=theta)
+            fill(rows, q[rows], dq[rows], ddq[rows], *self._signals(dq[rows], sign, slip, rows), constants=theta)
         return effort[:, :, 0]
 
     @cached_property
@@ -185,7 +216,13 @@ class Regressor:
         return tuple(kernel.column[kernel.row == j] for j in range(self.robot.n))
 
     def rows(
-        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, effort: np.ndarray, sign: Sign = np.sign
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        effort: np.ndarray,
+        sign: Sign = np.sign,
+        slip: np.ndarray | None = None,
     ) -> Iterator[list[np.ndarray]]:
         """Block by block of samples, each joint's rows of Γ = Y·θ, transposed: (s + 1, m) for m samples, the columns
         of its support and then the effort. Signals and effort (N, n). The next block takes the place of the last."""
@@ -196,13 +233,23 @@ class Regressor:
         kernel = self._torque
         evaluate = kernel.workspace(len(q), np.arange(len(kernel.row)) + kernel.row, int(ends[-1]))
         for block in blocks(len(q)):
-            values = evaluate(q[block], dq[block], ddq[block], *self._signs(dq[block], sign))
+            values = evaluate(q[block], dq[block], ddq[block], *self._signals(dq[block], sign, slip, block))
             values[ends - 1] = effort[block].T
             yield np.split(values, ends[:-1])
 
-    def _signs(self, dq: np.ndarray, sign: Sign) -> tuple[np.ndarray, ...]:
-        """The signs that the Coulomb columns read, as one more signal where there are any."""
-        return (sign(self.extra.speeds(dq)),) if self.extra else ()
+    def presliding(self, distance: float) -> Presliding:
+        """The presliding states along positions, to be called with one after the other or with many; their `slip`.
+
+        distance [rad or m]: how far a joint creeps before it slides. A controller makes one and calls it every tick.
+        """
+        return Presliding(distance, self.extra.speeds if self.extra else np.asarray)
+
+    def _signals(
+        self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None, rows: slice | None = None
+    ) -> tuple[np.ndarray, ...]:
+        """The signals that friction columns read, as one more input where there are any; slip's rows are dq's."""
+        states = slip if slip is None or rows is None else slip[rows]
+        return (self.extra.signals(dq, sign, states),) if self.extra else ()
 
     def _kernel(
         self, graph: Graph, entries: Mapping[tuple[int, int], Scalar], prefixes: Sequence[str], **more: Any

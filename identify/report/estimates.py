@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.estimation.identification import FRICTION
 from identify.numbers import DASH, Estimate, column, estimate, finite, significant
 from identify.report.markup import Notes, esc, status, table
 from identify.report.record import UNKNOWN, Record, part, reason
 from identify.report.symbols import formula_html, symbol_html
-
-FRICTION = (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off"))
 
 
 def state(parameter: Mapping[str, Any]) -> str:

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from identify.estimation.identification import FRICTION
 from identify.numbers import estimate, finite
 from identify.regressor.columns import smooth_sign
+from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.report import data_figures
-from identify.report.estimates import FRICTION, estimates_table, friction_parameters
+from identify.report.estimates import estimates_table, friction_parameters
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
 from identify.report.prediction import select
 from identify.report.record import Record, items, joints, part, reason
@@ -43,11 +45,11 @@ def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
         drawn.append((esc(name), "", svg))
     dots = "measured minus the rest of the model, median"
     marks = legend(("dots", dots), ("rest", "5 to 95 % of it"), ("predicted", "identified"))
-    remark = ""
+    remark = _forms(record)
     if coupled:
         names = ", ".join(symbol_text(name) for name in coupled)
         told = f"What the coupled motors add ({names}) is taken out of the data as identified."
-        remark = f'<p class="remark">{esc(told)}</p>'
+        remark += f'<p class="remark">{esc(told)}</p>'
     if velocity is None:
         remark += absent("No data behind the curves.", "the result folder holds no training arrays")
     groups = [(str(row.get("joint", "")), friction_parameters(k, row)) for k, row in enumerate(rows, 1)]
@@ -65,16 +67,34 @@ def _remainder(curves: Mapping[str, np.ndarray], model: str) -> tuple[np.ndarray
 
 
 def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarray], np.ndarray]:
-    """Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63], s the sign or the smooth sign of the settings."""
-    viscous, coulomb, offset = (finite(part(row, key, "estimate")) or 0.0 for key, _ in FRICTION)
+    """Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63] + Fc·sign(q̇)·|q̇|^⅓ + Fp·sign(q̇), s the sign or the smooth sign of the
+    settings: friction of a joint that slides on, where presliding has come to its end."""
+    value = {key: finite(part(row, key, "estimate")) or 0.0 for key, _ in FRICTION}
     width = finite(part(record, "settings", "coulomb_velocity"))
     smooth = part(record, "settings", "coulomb_form") == "smooth sign" and width
     sign = smooth_sign(width) if smooth and width else np.sign
 
     def curve(velocity: np.ndarray) -> np.ndarray:
-        return coulomb * sign(velocity) + viscous * velocity + offset
+        plain = value["coulomb"] * sign(velocity) + value["viscous"] * velocity + value["offset"]
+        return plain + value[CUBE_ROOT] * np.cbrt(velocity) + value[PRESLIDING] * np.sign(velocity)
 
     return curve
+
+
+def _forms(record: Record) -> str:
+    """What the curves are made of where there is more than viscous and Coulomb friction."""
+    forms = items(record, "settings", "friction")
+    told = []
+    if CUBE_ROOT in forms:
+        told.append("Friction has a part that follows the cube root of the velocity (Fc).")
+    distance = finite(part(record, "settings", "presliding_distance"))
+    if PRESLIDING in forms and distance:
+        told.append(
+            f"Part of the Coulomb friction (Fp) remembers how a joint moved: after a reversal it turns over within a "
+            f"few times {1000 * distance:g} mrad (or mm), and at rest it keeps its value. The curves show "
+            "it where the joint slides on, so that near zero the data lie between the two branches."
+        )
+    return f'<p class="remark">{esc(" ".join(told))}</p>' if told else ""
 
 
 def _constants(row: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from identify.estimation.identification import FRICTION
 from identify.numbers import finite
 
 Record = Mapping[str, Any]
@@ -104,7 +105,7 @@ def units(record: Record) -> dict[str, str]:
     """Unit of every parameter by its name: base parameters, friction, transmission."""
     found = {str(p.get("name")): str(p.get("unit") or "") for p in items(record, "base_parameters")}
     for k, joint in enumerate(items(record, "friction"), 1):
-        for key, letters in (("viscous", "Fv"), ("coulomb", "Fs"), ("offset", "off")):
+        for key, letters in FRICTION:
             found[f"{letters}{k}"] = str(part(joint, key, "unit") or "")
     return found | {str(p.get("name")): str(p.get("unit") or "") for p in items(record, "transmission")}
 

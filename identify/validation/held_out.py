@@ -123,5 +123,12 @@ def coverage(robot: Robot, logs: Sequence[Log], settings: Settings) -> dict[str,
     return {"per_joint": rows}
 
 
+def top_speeds(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> np.ndarray:
+    """(arms,) highest speed of each joint and coupled motor [rad/s or m/s] in the logs."""
+    assert regressor.extra is not None
+    motions = (m for log in logs for _, m in motion_pieces(log, settings.position_cutoff_hz))
+    return np.max([np.abs(regressor.extra.speeds(m.dq)).max(axis=0) for m in motions], axis=0)
+
+
 def _share(value: float, limit: float) -> float | None:
     return 100 * value / limit if np.isfinite(limit) and limit > 0 else None

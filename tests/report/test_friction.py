@@ -8,23 +8,41 @@ import numpy as np
 import pytest
 from example_results import example
 
-from identify.regressor.columns import JointColumns, smooth_sign
+from identify.regressor.columns import smooth_sign
+from identify.regressor.friction import PLAIN
+from identify.regressor.regressor import Regressor
 from identify.report.friction import friction_curve
 from identify.report.page import render
 from identify.robot.robot import Joint, Robot
 
+VALUES = {"viscous": 1.7, "coulomb": -0.4, "offset": 0.3, "cube_root": 2.1, "presliding": 0.9}
 
+
+@pytest.mark.parametrize("forms", [(), ("cube_root",), ("cube_root", "presliding")])
 @pytest.mark.parametrize("width", [None, 0.05])
-def test_the_curve_is_the_regressors(width: float | None) -> None:
-    row = {key: {"estimate": value} for key, value in (("viscous", 1.7), ("coulomb", -0.4), ("offset", 0.3))}
+def test_the_curve_is_the_regressors(width: float | None, forms: tuple[str, ...]) -> None:
+    row = {key: {"estimate": value} for key, value in VALUES.items() if key in (*PLAIN, *forms)}
     form = "sign" if width is None else "smooth sign"
     curve = friction_curve(row, {"settings": {"coulomb_form": form, "coulomb_velocity": width}})
-    velocity = np.concatenate([[-0.0, 0.0], np.linspace(-0.2, 0.2, 41)])
-    columns = JointColumns.of(Robot("one", (Joint("a"),)))
-    matrix = np.empty((len(velocity), 1, 3))
+    velocity = np.concatenate([[-0.0, 0.0], np.linspace(-0.2, 0.2, 41)])[:, None]
+    regressor = Regressor(Robot("one", (Joint("a"),)), forms)
     sign = np.sign if width is None else smooth_sign(width)
-    columns.torque(matrix, velocity[:, None], np.zeros((len(velocity), 1)), sign)
-    np.testing.assert_allclose(curve(velocity), matrix[:, 0] @ [1.7, -0.4, 0.3], rtol=1e-14)
+    still = np.zeros_like(velocity)
+    matrix = regressor.torque(still, velocity, still, sign=sign, slip=np.sign(velocity))
+    friction = matrix[:, 0, len(regressor.base.names) :] @ [VALUES[key] for key in row]
+    np.testing.assert_allclose(curve(velocity[:, 0]), friction, rtol=1e-14)
+
+
+def test_further_forms_are_told_and_tabled() -> None:
+    record, curves = example(1)
+    plain = render(record, curves)
+    record["settings"] |= {"friction": ["cube_root", "presliding"], "presliding_distance": 2e-4}
+    for row in record["friction"]:
+        row |= {key: {**row["coulomb"], "estimate": 0.7} for key in ("cube_root", "presliding")}
+    html = render(record, curves)
+    for text in ("cube root of the velocity (Fc)", "0.2 mrad", "F<sub>c1</sub>", "F<sub>p1</sub>"):
+        assert text in html
+        assert text not in plain
 
 
 def dots(html: str) -> np.ndarray:

@@ -17,8 +17,9 @@ from identify.errors import InputError, LogError, OutputError, UnsupportedLogErr
 from identify.estimation.identification import Identification
 from identify.logs.log import Log
 from identify.logs.reading import read_log
-from identify.logs.slicing import select
+from identify.logs.slicing import select, window
 from identify.robot.robot import Limits, Robot, Transmission
+from identify.symbolic.base_parameters import base_parameters
 
 ARM = arm(1)
 NOISE = 0.02
@@ -137,10 +138,19 @@ def test_several_logs_tell_more_than_one() -> None:
     assert both.record["fit"]["samples_used"] > 1.8 * one.record["fit"]["samples_used"]
 
 
-def test_a_slow_log_beside_a_fast_one_is_welcome() -> None:
-    logs = [exact_log(ARM, 1, noise=NOISE), exact_log(ARM, 2, rate=125.0, noise=NOISE)]
-    result = workflow.fit(logs, ARM)
+def test_logs_of_other_rates_lengths_and_orders_of_joints_are_welcome() -> None:
+    """A fast log, a slow one, and one of 5 s with its joints in another order: together they tell more than one."""
+    fast, slow = exact_log(ARM, 1, noise=NOISE), exact_log(ARM, 2, rate=125.0, noise=NOISE)
+    names = ARM.joint_names
+    short = select(window(exact_log(ARM, 3, rate=800.0, noise=NOISE), 1.0, 6.0), (names[2], names[0], names[1]))
+    result = workflow.fit([fast, slow, short], ARM)
     assert result.record["fit"]["moving_relative_residual_percent"] < 0.3
+    assert [row["rate_hz"] for row in result.record["logs"]] == pytest.approx([250.0, 125.0, 800.0])
+    assert all(row["findings"] == [] for row in result.record["logs"])
+    alone = workflow.fit(fast, ARM)
+    assert np.median(result.std / alone.std) < 0.8
+    truth = base_parameters(ARM).matrix @ ARM.standard
+    assert (np.abs(result.parameters[: len(truth)] - truth) < 6 * result.std[: len(truth)]).all()
 
 
 @pytest.mark.parametrize("estimator", ["ols", "all"])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from identify.logs.finding import ERROR, KEPT, REFUSED, WARNING, Finding
@@ -26,41 +24,32 @@ COARSE = 0.01
 BAND_HZ = 10.0
 """Band in which acceleration counts, for the error that rounding of positions makes in it."""
 _ENOUGH = 100_000
+_LEAST = 20
 
 LEFT = "kept; the low-pass spreads them out: remove them, or record again"
 
 
-def of_channels(log: Log, speed: np.ndarray) -> list[Finding]:
-    """Findings of every channel of a log; speed (N, n): mean speed of the joints, from position."""
-    findings: list[Finding] = []
-    if log.samples < 20:
-        return findings
-    for what, joint, x, moving in _channels(log, speed):
-        if float(x.max()) == float(x.min()):
-            continue
-        smallest = SMALLEST[what] * robust_range(x)
-        broken = _of_spikes(what, joint, x, log.time, smallest)
-        if what == "position":
-            broken += _of_jumps(joint, x, log.time, smallest)
-        held = _of_held(what, joint, x, moving, log.time)
-        findings += broken
-        findings += held or _of_frozen(what, joint, x, moving, log.time)
-        findings += _of_clipping(what, joint, x)
-        findings += _of_quantisation(what, joint, x, speed[:, log.joints.index(joint)], log.time)
-    return findings + _of_copies(log)
-
-
-def _channels(log: Log, speed: np.ndarray) -> Iterator[tuple[str, str, np.ndarray, np.ndarray]]:
-    """(what, joint, values (N,), moving (N,)) of every channel that holds finite numbers alone."""
+def of_joint(log: Log, j: int, speed: np.ndarray) -> list[Finding]:
+    """Findings of joint j's channels, of those that hold finite numbers alone; speed (N,): mean, from position."""
     from identify.logs.triage import REST_SPEED
 
-    for j, joint in enumerate(log.joints):
-        moving = np.abs(speed[:, j]) > REST_SPEED
-        for what, values in (("position", log.position), ("velocity", log.velocity), ("effort", log.effort)):
-            if values is not None:
-                x = np.ascontiguousarray(values[:, j])
-                if np.isfinite(x).all():
-                    yield what, joint, x, moving
+    findings: list[Finding] = []
+    if log.samples < _LEAST:
+        return findings
+    joint, moving = log.joints[j], np.abs(speed) > REST_SPEED
+    for what, values in (("position", log.position), ("velocity", log.velocity), ("effort", log.effort)):
+        x = np.empty(0) if values is None else np.ascontiguousarray(values[:, j])
+        if not len(x) or not np.isfinite(x).all() or np.ptp(x) == 0:
+            continue
+        smallest = SMALLEST[what] * robust_range(x)
+        findings += _of_spikes(what, joint, x, log.time, smallest)
+        if what == "position":
+            findings += _of_jumps(joint, x, log.time, smallest)
+        held = _of_held(what, joint, x, moving, log.time)
+        findings += held or _of_frozen(what, joint, x, moving, log.time)
+        findings += _of_clipping(what, joint, x)
+        findings += _of_quantisation(what, joint, x, speed, log.time)
+    return findings
 
 
 def _of_spikes(what: str, joint: str, x: np.ndarray, time: np.ndarray, smallest: float) -> list[Finding]:
@@ -137,11 +126,14 @@ def _of_frozen(what: str, joint: str, x: np.ndarray, moving: np.ndarray, time: n
 
 def _of_clipping(what: str, joint: str, x: np.ndarray) -> list[Finding]:
     """Plateaus at exactly the largest or smallest value that are entered and left at speed, which no rest is."""
-    step = np.abs(np.diff(x))
-    usual = float(np.median(step[step > 0][:_ENOUGH])) if step.any() else 0.0
     findings = []
     for end, word in ((x.max(), "largest"), (x.min(), "smallest")):
-        starts, lengths = runs(x == end)
+        at_end = x == end
+        if at_end.sum() <= CLIPPED_SHARE * len(x):
+            continue
+        step = np.abs(np.diff(x))
+        usual = float(np.median(step[step > 0][:_ENOUGH]))
+        starts, lengths = runs(at_end)
         inner = (starts > 0) & (starts + lengths < len(x))
         starts, lengths = starts[inner], lengths[inner]
         into, out = step[starts - 1], step[starts + lengths - 1]
@@ -186,8 +178,10 @@ def _of_quantisation(what: str, joint: str, x: np.ndarray, speed: np.ndarray, ti
     return [Finding("quantisation", WARNING, text, KEPT, (joint,))]
 
 
-def _of_copies(log: Log) -> list[Finding]:
+def of_copies(log: Log) -> list[Finding]:
     """Two channels that hold the same numbers bit by bit, though they change."""
+    if log.samples < _LEAST:
+        return []
     channels: dict[bytes, tuple[str, str]] = {}
     stride = max(1, log.samples // _ENOUGH)
     findings = []

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from identify.errors import UnsupportedLogError
-from identify.logs.channel_checks import CLIPPED_LEAST, of_channels
+from identify.logs.channel_checks import CLIPPED_LEAST, of_copies, of_joint
 from identify.logs.clock_checks import GAP, of_clock
 from identify.logs.finding import ERROR, KEPT, REFUSED, WARNING, Finding, of_reading
 from identify.logs.log import Log
 from identify.logs.outliers import runs
+from identify.logs.spans import Spans
 from identify.logs.velocity_check import NOT_USED, of_velocity
 from identify.logs.wording import counted
 from identify.robot.robot import Limits
@@ -143,21 +144,24 @@ class Findings:
 
 def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
     """Facts and findings of a recording of at least one sample. limits: joint name → limits it should have kept."""
-    steps = np.diff(log.time) if log.samples > 1 else np.zeros(1)
-    median, longest = float(np.median(steps)), float(steps.max())
-    speed = mean_speed(log)
+    median, longest, gaps = _steps(log.time)
+    spans = Spans.of(log.time, SPEED_SPAN)
     moving = np.zeros(log.samples, dtype=bool)
-    for column in speed.T:
-        moving |= np.abs(column) > REST_SPEED
-    facts = tuple(_joint_facts(log, j, speed[:, j]) for j in range(len(log.joints)))
+    facts, odd = [], []
+    # One joint at a time: a log may be long.
+    for j in range(len(log.joints)):
+        speed = spans.slope(np.ascontiguousarray(log.position[:, j]))
+        moving |= np.abs(speed) > REST_SPEED
+        facts.append(_joint_facts(log, j, speed))
+        odd += of_joint(log, j, speed)
     moves = np.array([fact.moves for fact in facts], dtype=bool)
-    gaps = int((steps > GAP * median).sum())
     found = [
         *map(of_reading, log.findings),
         *of_clock(log.time),
         *_of_joints(log, facts),
-        *of_channels(log, speed),
-        *of_velocity(log, speed, moves, SPEED_SPAN),
+        *odd,
+        *of_copies(log),
+        *of_velocity(log, spans, moves),
         *_of_limits(log, facts, limits or {}),
     ]
     return Findings(
@@ -172,7 +176,7 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
         dropped=log.dropped,
         has_velocity=log.velocity is not None,
         has_effort=log.effort is not None,
-        joints=facts,
+        joints=tuple(facts),
         findings=tuple(found),
     )
 
@@ -218,20 +222,11 @@ def refusals(found: Findings) -> list[str]:
     return reasons + [f.text for f in found.findings if f.severity == ERROR and f.kind not in told]
 
 
-def mean_speed(log: Log) -> np.ndarray:
-    """(N, n) mean speed over SPEED_SPAN around every sample, from position [rad/s or m/s]."""
-    if log.samples < 2:
-        return np.zeros_like(log.position)
-    after = np.minimum(np.searchsorted(log.time, log.time + SPEED_SPAN / 2), log.samples - 1)
-    before = np.maximum(np.searchsorted(log.time, log.time - SPEED_SPAN / 2, side="right") - 1, 0)
-    # At a rate too low for the span, the neighbours serve.
-    after = np.minimum(np.maximum(after, np.arange(log.samples) + 1), log.samples - 1)
-    lapse = log.time[after] - log.time[before]
-    speed = np.empty(log.position.shape)
-    # Column by column: whole copies would cost more memory than the log.
-    for column, x in zip(speed.T, log.position.T, strict=True):
-        np.divide(x[after] - x[before], lapse, out=column)
-    return speed
+def _steps(time: np.ndarray) -> tuple[float, float, int]:
+    """Median and longest step [s] of times (N,), and how many are gaps."""
+    steps = np.diff(time) if len(time) > 1 else np.zeros(1)
+    median = float(np.median(steps))
+    return median, float(steps.max()), int((steps > GAP * median).sum())
 
 
 def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
@@ -255,7 +250,7 @@ def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
     )
 
 
-def _of_joints(log: Log, facts: tuple[JointFacts, ...]) -> list[Finding]:
+def _of_joints(log: Log, facts: Sequence[JointFacts]) -> list[Finding]:
     findings = []
     still = tuple(fact.joint for fact in facts if not fact.moves)
     if still:
@@ -276,7 +271,7 @@ def _of_joints(log: Log, facts: tuple[JointFacts, ...]) -> list[Finding]:
     return findings
 
 
-def _of_limits(log: Log, facts: tuple[JointFacts, ...], limits: Mapping[str, Limits]) -> list[Finding]:
+def _of_limits(log: Log, facts: Sequence[JointFacts], limits: Mapping[str, Limits]) -> list[Finding]:
     """What the motion and effort of the joints are by their limits, in words that name the likely mistake."""
     findings, degrees, faint = [], [], []
     for j, fact in enumerate(facts):

@@ -8,6 +8,7 @@ import numpy as np
 
 from identify.logs.finding import WARNING, Finding
 from identify.logs.log import Log
+from identify.logs.spans import Spans
 
 FITS = 0.1
 """Share of the speed by which a velocity may differ from it and still be its derivative."""
@@ -15,8 +16,8 @@ FITS = 0.1
 NOT_USED = "kept; fits take their velocity from position"
 
 
-def of_velocity(log: Log, speed: np.ndarray, moves: np.ndarray, span: float) -> list[Finding]:
-    """Findings of the velocity; speed (N, n): mean speed over `span` [s]; moves (n,): joints that do.
+def of_velocity(log: Log, spans: Spans, moves: np.ndarray) -> list[Finding]:
+    """Findings of the velocity; spans: those of the log over which speeds are taken; moves (n,): joints that do.
 
     The mean over the same span of a velocity that is the derivative equals the mean speed exactly; its slope on the
     mean speed tells sign, unit and gear ratio, another joint's speed a swap.
@@ -25,11 +26,10 @@ def of_velocity(log: Log, speed: np.ndarray, moves: np.ndarray, span: float) -> 
         return []
     findings = []
     for j, joint in enumerate(log.joints):
-        v = log.velocity[:, j]
+        v = np.ascontiguousarray(log.velocity[:, j])
         if not moves[j] or not np.isfinite(v).all() or np.ptp(v) == 0:
             continue
-        mean = _mean(v, log.time, span)
-        own = speed[:, j]
+        mean, own = spans.mean(v), spans.slope(np.ascontiguousarray(log.position[:, j]))
         slope = float(own @ mean / (own @ own))
         if _apart(mean, own) <= FITS:
             continue
@@ -37,7 +37,7 @@ def of_velocity(log: Log, speed: np.ndarray, moves: np.ndarray, span: float) -> 
         if _apart(mean, slope * own) <= FITS:
             findings.append(Finding("velocity", WARNING, f"{words} but {_factor(slope)}", NOT_USED, (joint,)))
             continue
-        others = [k for k in np.flatnonzero(moves) if k != j and _apart(mean, speed[:, k]) <= FITS]
+        others = [k for k in np.flatnonzero(moves) if k != j and _apart(mean, spans.slope(log.position[:, k])) <= FITS]
         why = f" but that of {log.joints[others[0]]}" if others else f": they differ by {100 * _apart(mean, own):.0f} %"
         findings.append(Finding("velocity", WARNING, words + why, NOT_USED, (joint,)))
     return findings
@@ -46,15 +46,6 @@ def of_velocity(log: Log, speed: np.ndarray, moves: np.ndarray, span: float) -> 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:
     size = max(float(np.linalg.norm(b)), 1e-300)
     return float(np.linalg.norm(a - b)) / size
-
-
-def _mean(v: np.ndarray, time: np.ndarray, span: float) -> np.ndarray:
-    """(N,) mean of v (N,) over `span` around every sample, by the trapezoidal rule."""
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(time))])
-    after = np.minimum(np.searchsorted(time, time + span / 2), len(time) - 1)
-    before = np.maximum(np.searchsorted(time, time - span / 2, side="right") - 1, 0)
-    after = np.minimum(np.maximum(after, np.arange(len(time)) + 1), len(time) - 1)
-    return (way[after] - way[before]) / np.maximum(time[after] - time[before], 1e-300)
 
 
 def _factor(slope: float) -> str:

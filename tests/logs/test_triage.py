@@ -10,7 +10,7 @@ import pytest
 
 from identify.errors import UnsupportedLogError
 from identify.logs.log import Log
-from identify.logs.triage import inspect, mean_speed, require_identifiable
+from identify.logs.triage import inspect, require_identifiable
 from identify.robot.robot import Limits
 
 
@@ -44,14 +44,6 @@ def test_facts_of_a_known_motion():
     assert found.motion == pytest.approx(3.0, abs=0.05)
     assert found.findings == ()
     require_identifiable(swing())
-
-
-def test_speed_by_differences_is_exact_for_a_steady_motion_with_uneven_steps():
-    time = np.cumsum(np.random.default_rng(0).uniform(0.0005, 0.01, 500))
-    log = Log(time, np.outer(time, [2.0, -3.0]), None, None, ("a", "b"))
-    np.testing.assert_allclose(mean_speed(log), np.tile([2.0, -3.0], (500, 1)), rtol=1e-9)
-    slow = replace(log, time=10 * time[:40], position=np.outer(10 * time[:40], [2.0, -3.0]))
-    np.testing.assert_allclose(mean_speed(slow), np.tile([2.0, -3.0], (40, 1)), rtol=1e-9)
 
 
 def test_text_and_json():

@@ -54,7 +54,11 @@ def findings_table(found: Findings) -> str:
 
 
 def _joints(found: Findings) -> str:
-    head = [("joint", "text"), ("position" + unit("rad or m"), "number"), ("largest speed" + unit("1/s"), "number")]
+    head = [
+        ("joint", "text"),
+        ("position" + unit("rad or m"), "number"),
+        ("largest speed" + unit("rad/s or m/s"), "number"),
+    ]
     head += [("effort" + unit("N·m or N"), "number"), ("at rest", "number")]
     rows = [
         [

@@ -9,20 +9,10 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_damaged_inputs_are_read_or_refused(tmp_path):
-    program = [
-        sys.executable,
-        str(ROOT / "scripts" / "check_fuzz"),
-        "--count",
-        "300",
-        "--seed",
-        "11",
-        "--commands",
-        "2",
-    ]
-    told = subprocess.run(
-        [*program, "--no-hostile", "--keep", str(tmp_path)], capture_output=True, text=True, timeout=120
-    )
+def test_damaged_inputs_are_read_or_refused(tmp_path: Path) -> None:
+    program = [sys.executable, str(ROOT / "scripts" / "check_fuzz"), "--no-hostile", "--keep", str(tmp_path)]
+    amount = ["--count", "300", "--seed", "11", "--commands", "2"]
+    told = subprocess.run([*program, *amount], capture_output=True, text=True, timeout=120)
     assert told.returncode == 0, told.stdout + told.stderr
     assert "0 failed" in told.stdout
     assert not list(tmp_path.iterdir())

@@ -68,7 +68,8 @@ def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Seque
     entries = sorted(entries, key=lambda entry: (entry["unit"], entry["name"]))
     known = next((entry for entry in entries if entry["robot"]), None)
     counts = Counter(entry["status"] for entry in entries)
-    fitted = [entry for entry in entries if entry["parameters"]]
+    again = {name for names in same_files(entries) for name in names[1:]}
+    fitted = [entry for entry in entries if entry["parameters"] and entry["name"] not in again]
     return {
         "format": FORMAT,
         "robot": known and known["robot"],
@@ -85,7 +86,7 @@ def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Seque
 
 
 def same_files(entries: Sequence[Mapping[str, Any]]) -> list[list[str]]:
-    """Names of logs that are the same file twice or more, by its digest: they agree without telling anything."""
+    """Names of logs that are the same file twice or more, by its digest; they are compared once."""
     by_digest: dict[str, list[str]] = {}
     for entry in entries:
         if entry["sha256"]:

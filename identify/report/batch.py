@@ -53,7 +53,7 @@ def _header(summary: Summary, name: str) -> str:
     banner = ""
     if simulated:
         every = len(simulated) == sum(fit["simulated"] is not None for fit in summary["fits"])
-        what = "Every model here comes from a simulated robot, not from a real one." if every else _listed(simulated)
+        what = "All logs here come from a simulated robot, none from a real one." if every else _listed(simulated)
         banner = f'<p class="simulated"><b>Simulated data</b> {esc(what)}</p>'
     return (
         f'<header><p class="kind">Identification of dynamic parameters, many logs</p><h1>{esc(name)}</h1>'
@@ -83,7 +83,7 @@ def _logs(summary: Summary) -> Section:
         told = [f"{why} ({_whose(names, len(known))})" for why, names in warnings.items()]
         body += listing(told, "reasons")
     told = [sentence for _, sentence in _odd(summary)]
-    told += [f"{esc(', '.join(names))} are one and the same file and agree by nature." for names in summary["same"]]
+    told += [f"{esc(', '.join(names))} are one and the same file, compared once." for names in summary["same"]]
     return Section("logs", 1, "Logs", "What came of each?", body, warnings=tuple(told))
 
 

@@ -112,7 +112,10 @@ def test_one_file_twice_is_named() -> None:
     entries = [fitted("a"), fitted("b", None, 1), fitted("copy of a")]
     entries[2]["sha256"] = "a"
     assert same_files(entries) == [["a", "copy of a"]]
-    assert "a, copy of a are one and the same file" in batch_page(summary(*entries))
+    made = summary(*entries)
+    assert "a, copy of a are one and the same file" in batch_page(made)
+    assert made["logs"] == 2
+    assert made["agreement"] == summary(*entries[:2])["agreement"]
 
 
 @pytest.mark.parametrize("good", [0, 1])

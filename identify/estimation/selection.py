@@ -80,23 +80,25 @@ def choose_settings(
     base = start or Settings()
     tried: list[dict[str, Any]] = []
     models = {regressor.forms: regressor}
+    known: dict[Settings, Validation] = {}
 
     def judged(candidates: Sequence[Settings], share: float, until: float, needed: bool = True) -> list[Validation]:
-        found = []
         for k, candidate in enumerate(candidates):
             if progress:
                 progress(share + (until - share) * k / len(candidates), "choosing how rest, friction and noise are met")
+            if candidate in known:
+                continue
             if candidate.friction not in models:
                 models[candidate.friction] = regressor.with_forms(candidate.friction)
             try:
-                found.append(validated(models[candidate.friction], logs, candidate))
+                known[candidate] = validated(models[candidate.friction], logs, candidate)
             except UnsupportedLogError:
                 if needed:
                     raise
-                found.append(IMPOSSIBLE)
+                known[candidate] = IMPOSSIBLE
             else:
-                tried.append({"settings": candidate.to_dict(), **found[-1].percent})
-        return found
+                tried.append({"settings": candidate.to_dict(), **known[candidate].percent})
+        return [known[candidate] for candidate in candidates]
 
     asked = None if friction is None else further_forms(friction)
     smooth = [replace(base, coulomb_velocity=v, rest_counted=True) for v in SMOOTHING]

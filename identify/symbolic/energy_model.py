@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
+from identify.symbolic.constants import base_values, gravity_values
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph
 from identify.symbolic.geometry import letters
-from identify.symbolic.inverse_dynamics import base_values
 from identify.symbolic.joint_effort import joint_parameters
-from identify.symbolic.lagrange import gravity_values
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import Result, SymbolicModel
 from identify.symbolic.naming import named, recognised

@@ -9,16 +9,17 @@ import numpy as np
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import dot
+from identify.symbolic.constants import base_values, gravity_symbols, gravity_values
 from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.geometry import letters
 from identify.symbolic.joint_effort import friction, joint_parameters, shared_effort, signs
-from identify.symbolic.lagrange import gravity_symbols, gravity_values
 from identify.symbolic.link_motion import recurrence
 from identify.symbolic.model import SymbolicModel, vector
 from identify.symbolic.naming import exact, short_statements
 from identify.symbolic.operations import lifted
-from identify.symbolic.representative import parameter_name, representative, standard_from_second_moments
+from identify.symbolic.representative import representative
+from identify.symbolic.second_moments import parameter_name, standard_from_second_moments
 
 if TYPE_CHECKING:
     import sympy
@@ -74,12 +75,6 @@ def _with_letters(robot: Robot, grouping: dict[str, sympy.Expr], kept: tuple[int
                 row[k] += expanded.coeff(symbol) * int(change[standard[symbol], k])
         rows.append(row)
     return DomainMatrix.from_Matrix(sympy.Matrix(rows)).to_field().inv().to_Matrix()
-
-
-def base_values(robot: Robot) -> dict[str, float]:
-    """Base parameters by name with the values that the robot's description gives them."""
-    base = base_parameters(robot)
-    return dict(zip(base.names, (base.matrix @ robot.standard).tolist(), strict=True))
 
 
 def assembled(

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identify.errors import InputError
 from identify.robot.robot import Robot
-from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import (
     Vec,
     dot,
@@ -23,6 +21,7 @@ from identify.symbolic.chain import (
     rotation_z,
     transpose,
 )
+from identify.symbolic.constants import gravity_symbols, gravity_values, inertial_parameters, standard_symbols
 from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, cos, reachable, sin
 from identify.symbolic.geometry import letters
@@ -32,13 +31,11 @@ from identify.symbolic.model import CORIOLIS, Result, SymbolicModel, entry_name,
 from identify.symbolic.naming import short_statements
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import directional
-from identify.symbolic.representative import parameter_name
+from identify.symbolic.second_moments import parameter_name, second_moments
 from identify.symbolic.written_out import written_out
 
 TERMS = 300
 """Terms that the entries of A may have together to be written out."""
-
-PARAMETERS = ("standard", "base")
 
 
 @dataclass(frozen=True)
@@ -54,43 +51,6 @@ class Lagrange:
     gravity: list[Expression]
     potential: Expression
     wrench: list[Expression]
-
-
-def inertial_parameters(robot: Robot, which: str) -> dict[str, tuple[int, float]]:
-    """{name: (index of the standard parameter in whose place it stands, value)}, "standard" or "base" ones."""
-    if which == "base":
-        base = base_parameters(robot)
-        values = base.matrix @ robot.standard
-        return {name: (k, float(x)) for name, k, x in zip(base.names, base.kept, values, strict=True)}
-    if which != "standard":
-        raise InputError(f"parameters are {which!r}; choose one of {', '.join(PARAMETERS)}")
-    return {name: (k, float(x)) for k, (name, x) in enumerate(zip(robot.standard_names, robot.standard, strict=True))}
-
-
-def standard_symbols(graph: Graph, robot: Robot, which: str) -> list[Scalar]:
-    """(11 n,) standard parameters as symbols; with "base", the base parameters for those kept and zero for others."""
-    values: list[Scalar] = [graph.constant(0)] * (11 * robot.n)
-    for name, (k, _) in inertial_parameters(robot, which).items():
-        values[k] = graph.symbol(name)
-    return values
-
-
-def gravity_symbols(graph: Graph, robot: Robot) -> Vec:
-    """0g as symbols G1 G2 G3, zero where it has no part."""
-    return tuple(graph.symbol(f"G{i + 1}") if x else graph.constant(0) for i, x in enumerate(robot.gravity))  # type: ignore[return-value]
-
-
-def gravity_values(robot: Robot) -> dict[str, float]:
-    return {f"G{i + 1}": float(x) for i, x in enumerate(robot.gravity) if x}
-
-
-def second_moments(standard: list[Scalar]) -> list[Scalar]:
-    """(11 n,) SXX SXY … SZZ MX MY MZ M Ia of each link from the standard parameters: SXX = ½(YY + ZZ − XX)."""
-    moments: list[Scalar] = []
-    for j in range(0, len(standard), 11):
-        xx, xy, xz, yy, yz, zz, *rest = standard[j : j + 11]
-        moments += [0.5 * (yy + zz - xx), -xy, -xz, 0.5 * (xx + zz - yy), -yz, 0.5 * (xx + yy - zz), *rest]
-    return moments
 
 
 def second_moment_names(robot: Robot, which: str) -> dict[str, Scalar]:

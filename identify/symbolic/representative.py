@@ -23,7 +23,18 @@ from identify.symbolic.customised import Motion, customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
 from identify.symbolic.form import Form, Forms, can_merge, turn_symbol
 from identify.symbolic.operations import count, lifted, varying
-from identify.symbolic.second_moments import MX, MY, SECOND_MOMENTS, XX, XY, XZ, YY, YZ
+from identify.symbolic.second_moments import (
+    MX,
+    MY,
+    SECOND_MOMENTS,
+    XX,
+    XY,
+    XZ,
+    YY,
+    YZ,
+    parameter_name,
+    standard_from_second_moments,
+)
 from identify.symbolic.simplification import simplified
 
 PRICE = {"Ia": 2, "SXX": 3, "SYY": 3, "SXZ": 5, "SYZ": 5, "SXY": 6, "MX": 8, "MY": 8, "SZZ": 9, "M": 20, "MZ": 30}
@@ -84,11 +95,6 @@ class Representative:
         for j in () if letters else self.forms.turned:
             found |= _turned(j, found)
         return found
-
-
-def parameter_name(k: int) -> str:
-    """Name of the second-moment parameter of index k: "SXX1" …"""
-    return f"{SECOND_MOMENTS[k % 11]}{k // 11 + 1}"
 
 
 def _turned(j: int, values: Mapping[str, float]) -> dict[str, float]:
@@ -164,17 +170,6 @@ def _structural(robot: Robot) -> tuple[Form, ...]:
                 forms[joint.parent] = closed
             forms[j] = replace(closed, turned_row=True, level=True, levered=True, stepped=True)
     return tuple(forms)
-
-
-def standard_from_second_moments(n: int) -> np.ndarray:
-    """(11 n, 11 n): standard parameters = matrix @ second-moment ones; XX = SYY + SZZ, XY = −SXY …"""
-    link = np.eye(11)
-    for i, (a, c) in {0: (3, 5), 3: (0, 5), 5: (0, 3)}.items():
-        link[i, i] = 0
-        link[i, a] = link[i, c] = 1
-    for i in (1, 2, 4):
-        link[i, i] = -1
-    return np.kron(np.eye(n), link)
 
 
 def _cheapest_basis(b: np.ndarray) -> list[int]:

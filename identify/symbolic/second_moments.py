@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from identify.symbolic.chain import Mat, Vec, cross
 from identify.symbolic.expression import Scalar
 from identify.symbolic.turning import Motions, number
@@ -16,6 +18,31 @@ SECOND_MOMENTS = ("SXX", "SXY", "SXZ", "SYY", "SYZ", "SZZ", "MX", "MY", "MZ", "M
 """Parameters of one link and its drive: ∫ r rᵀ dm, ∫ r dm and ∫ dm about O_j in R_j, and the actuator inertia."""
 
 XX, XY, XZ, YY, YZ, ZZ, MX, MY, MZ, M, IA = range(11)
+
+
+def parameter_name(k: int) -> str:
+    """Name of the second-moment parameter of index k: "SXX1" …"""
+    return f"{SECOND_MOMENTS[k % 11]}{k // 11 + 1}"
+
+
+def second_moments(standard: list[Scalar]) -> list[Scalar]:
+    """(11 n,) SXX SXY … SZZ MX MY MZ M Ia of each link from the standard parameters: SXX = ½(YY + ZZ − XX)."""
+    moments: list[Scalar] = []
+    for j in range(0, len(standard), 11):
+        xx, xy, xz, yy, yz, zz, *rest = standard[j : j + 11]
+        moments += [0.5 * (yy + zz - xx), -xy, -xz, 0.5 * (xx + zz - yy), -yz, 0.5 * (xx + yy - zz), *rest]
+    return moments
+
+
+def standard_from_second_moments(n: int) -> np.ndarray:
+    """(11 n, 11 n): standard parameters = matrix @ second-moment ones; XX = SYY + SZZ, XY = −SXY …"""
+    link = np.eye(11)
+    for i, (a, c) in {0: (3, 5), 3: (0, 5), 5: (0, 3)}.items():
+        link[i, i] = 0
+        link[i, a] = link[i, c] = 1
+    for i in (1, 2, 4):
+        link[i, i] = -1
+    return np.kron(np.eye(n), link)
 
 
 def first_wrench(u: Mat, a: Vec, first: Vec, mass: Scalar) -> tuple[Vec, Vec]:

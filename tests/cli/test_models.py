@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from identify.cli.parser import FORMATS, PARAMETERS, WHAT
-from identify.symbolic import lagrange, rendering
+from identify.symbolic import constants, rendering
 from identify.symbolic.models import MODELS
 
 
 def test_the_help_offers_what_there_is() -> None:
     assert set(WHAT) == {*MODELS, "operations"}
     assert FORMATS == rendering.FORMATS
-    assert PARAMETERS == lagrange.PARAMETERS
+    assert PARAMETERS == constants.PARAMETERS
 
 
 @pytest.mark.parametrize("what", WHAT)

@@ -26,7 +26,8 @@ from identify.symbolic.operation_table import (
     with_unequal_lengths,
 )
 from identify.symbolic.operations import Operations, count
-from identify.symbolic.representative import customised_model, representative, standard_from_second_moments
+from identify.symbolic.representative import customised_model, representative
+from identify.symbolic.second_moments import standard_from_second_moments
 
 FORMS = [Form(*flags) for flags in itertools.product((True, False), repeat=len(fields(Form)))]
 

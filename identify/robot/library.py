@@ -13,9 +13,10 @@ import numpy as np
 
 from identify.errors import RobotError
 from identify.robot.checks import suggestion
+from identify.robot.files import read_text
 from identify.robot.robot import Robot
 from identify.robot.selection import Selection, parse_selection, sub_chain
-from identify.robot.toml import read_text, read_toml, write_toml
+from identify.robot.toml import read_toml, write_toml
 
 SUFFIXES = (".toml", ".urdf", ".xml")
 

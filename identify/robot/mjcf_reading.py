@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from identify.errors import RobotError
+from identify.robot.files import read_text
 from identify.robot.frames import Body, robot_from_bodies, robot_from_frames
 from identify.robot.mjcf_compile import Compiled, compile_mjcf
 from identify.robot.mjcf_drives import drive, limits
 from identify.robot.mjcf_source import mjcf_source
 from identify.robot.robot import PRISMATIC, REVOLUTE, Link, Robot
 from identify.robot.selection import Candidate, Coupling, Selection, held_joints
-from identify.robot.toml import read_text
 from identify.robot.transforms import inverse, make_link, merge_links, move_link, parameters
 
 EXACT = 1e-12

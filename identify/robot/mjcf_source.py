@@ -15,7 +15,7 @@ from xml.etree.ElementTree import Element
 
 from identify.errors import RobotError
 from identify.robot.checks import LARGEST, LONGEST
-from identify.robot.toml import read_text
+from identify.robot.files import read_text
 from identify.robot.xml_text import MOST, parse_xml
 
 SECTIONS = ("compiler", "option", "default", "worldbody", "actuator", "equality")

@@ -11,15 +11,14 @@ import numpy as np
 
 from identify.errors import RobotError
 from identify.robot import checks
+from identify.robot.files import read_text
 from identify.robot.fixed import Entry, merge_fixed
 from identify.robot.robot import PRISMATIC, REVOLUTE, Drive, Joint, Limits, Link, Matrix, Robot, Transmission
 from identify.robot.toml_writing import write_toml
 from identify.robot.transforms import from_roll_pitch_yaw, to_matrix
 
-__all__ = ["read_text", "read_toml", "write_toml"]
+__all__ = ["read_toml", "write_toml"]
 
-LARGEST_FILE = 50_000_000
-"""Bytes of a robot file."""
 LONGEST_NOTE = 100_000
 DEEPEST_KEY = 100
 """Parts of a key, a.b.c: the parser takes memory with the square of their number."""
@@ -72,24 +71,6 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
         source=source,
         note=checks.text(data["note"], f"{source}: note", LONGEST_NOTE) if "note" in data else "",
     )
-
-
-def read_text(path: Path) -> str:
-    """The text of a robot file; RobotError for a file that is missing, unreadable, too large or no UTF-8 text."""
-    try:
-        if path.exists() and not path.is_file():
-            raise RobotError(f"{path}: is no file that can be read twice; give the name of a robot file")
-        with path.open("rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-        if len(data) > LARGEST_FILE:
-            raise RobotError(f"{path}: larger than {LARGEST_FILE // 1_000_000} MB; is it a robot description?")
-        return data.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-    except FileNotFoundError:
-        raise RobotError(f"{path}: no such file") from None
-    except UnicodeDecodeError as error:
-        raise RobotError(f"{path}: not a text file in UTF-8 (byte {error.start}); is it a robot description?") from None
-    except OSError as error:
-        raise RobotError(f"{path}: can't be read: {error.strerror}") from None
 
 
 def _dotted(text: str) -> int:

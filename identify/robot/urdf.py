@@ -12,10 +12,10 @@ import numpy as np
 
 from identify.errors import RobotError
 from identify.robot import checks
+from identify.robot.files import read_text
 from identify.robot.frames import Body, robot_from_bodies, tidy
 from identify.robot.robot import PRISMATIC, REVOLUTE, Drive, Limits, Link, Robot
 from identify.robot.selection import Candidate, Coupling, Selection, held_joints
-from identify.robot.toml import read_text
 from identify.robot.transforms import (
     QUARTER,
     from_roll_pitch_yaw,

@@ -12,8 +12,9 @@ import pytest
 from mutations import mutated, robot_files
 
 from identify.errors import RobotError
+from identify.robot.files import LARGEST_FILE
 from identify.robot.library import load_robot
-from identify.robot.toml import LARGEST_FILE, read_toml
+from identify.robot.toml import read_toml
 from identify.robot.urdf import read_urdf
 
 SECONDS = 10.0

@@ -46,8 +46,8 @@ def power(exponent: int) -> str:
     return "10" + str(exponent).translate(_SUPERSCRIPTS)
 
 
-def _plain(number: Decimal, grouped: bool = True) -> str:
-    text = f"{number:,f}" if grouped and abs(number) >= 10000 else f"{number:f}"
+def _plain(number: Decimal) -> str:
+    text = f"{number:,f}" if abs(number) >= 10000 else f"{number:f}"
     return text.replace("-", MINUS) if number else text.lstrip("-")
 
 

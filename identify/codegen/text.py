@@ -52,14 +52,14 @@ TOGETHER = re.compile(r"(?<=\*) | (?=\*)|(?<=\bconst) |(?<=\bdouble) |(?<=\bint)
 comment."""
 
 
-def wrapped(line: str, width: int = WIDTH) -> list[str]:
-    """A line of code or of a comment, broken and indented once more, if it is longer than `width`."""
-    if len(line) <= width:
+def wrapped(line: str) -> list[str]:
+    """A line of code or of a comment, broken and indented once more, if it is longer than WIDTH."""
+    if len(line) <= WIDTH:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()))
     joined = TOGETHER.sub("\0", line.strip())
     parts = textwrap.wrap(
-        joined, width, initial_indent=indent, subsequent_indent=f"{indent}    ", break_long_words=False,
+        joined, WIDTH, initial_indent=indent, subsequent_indent=f"{indent}    ", break_long_words=False,
         break_on_hyphens=False,
     )  # fmt: skip
     return [part.replace("\0", " ") for part in parts]

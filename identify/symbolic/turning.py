@@ -37,10 +37,6 @@ class Turn:
         x, y, z = v
         return (self.cosine * x - self.sine * y, self.sine * x + self.cosine * y, z)
 
-    def outwards(self, v: Vec) -> Vec:
-        """A vector of R_j, in the frame of the link seen from."""
-        return matvec(self.fixed, self.about_axis(v))
-
 
 @dataclass(frozen=True)
 class Motions:

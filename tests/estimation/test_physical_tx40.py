@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -23,8 +24,11 @@ from identify.robot.mjcf import to_mjcf
 
 REPOSITORY = Path(__file__).parents[2]
 DATA = REPOSITORY.parent / "shared" / "data" / "tx40"
-CHOSEN = Settings(position_cutoff_hz=30.0, coulomb_velocity=0.1, rest_counted=True)
-"""What `identify fit` chooses on the last 60 % of the recording."""
+PLAIN = Settings(position_cutoff_hz=30.0, coulomb_velocity=0.1, rest_counted=True)
+"""What `identify fit --friction plain` chooses on the last 60 % of the recording."""
+
+CHOSEN = replace(PLAIN, position_cutoff_hz=15.0, friction=("cube_root", "presliding"), presliding_distance=1e-4)
+"""What `identify fit` chooses there."""
 
 
 @pytest.fixture(scope="module")
@@ -34,26 +38,34 @@ def log() -> Log:
     return read_log(DATA, REPOSITORY / "datasets" / "tx40.toml")
 
 
+@pytest.mark.parametrize(("settings", "most"), [(PLAIN, 0.5), (CHOSEN, 2.0)])
 @pytest.mark.parametrize("start", [0.0, 3.6])
-def test_possible_links_cost_little(start: float, log: Log) -> None:
-    """Every link ≻ 0, the weighted residual ‖r‖ at most 0.5 % longer [issue 4], the solver within 50 ms.
+def test_possible_links_cost_little(start: float, settings: Settings, most: float, log: Log) -> None:
+    """Every link ≻ 0, the weighted residual ‖r‖ at most 0.5 % longer with plain friction [issue 4], the solver within
+    50 ms.
 
     Measured: 0.30 % on the whole recording and 0.40 % on its last 60 % (ZZ6 and others come out of least squares
-    with the wrong sign); no possible robot does better than 0.30 and 0.39 %.
+    with the wrong sign); no possible robot does better than 0.30 and 0.39 %. With further forms of friction the
+    residual is half as long and the cost 0.78 and 1.85 % of it, of which links alone 0.37 and 1.61 %.
     """
     part = window(log, start, None)
-    regressor = Regressor(load_robot("tx40"))
-    estimate = fit_torque(regressor, [part], CHOSEN, "wls").estimate
+    regressor = Regressor(load_robot("tx40"), settings.friction)
+    estimate = fit_torque(regressor, [part], settings, "wls").estimate
     bodies = reference(regressor, estimate.parameters, description=True)
     information = information_of(estimate.covariance)
-    runs = [nearest_consistent(regressor, estimate.parameters, information, bodies) for _ in range(3)]
+    runs = [
+        nearest_consistent(
+            regressor, estimate.parameters, information, bodies, coulomb_velocity=settings.coulomb_velocity
+        )
+        for _ in range(3)
+    ]
     found = runs[0]
     assert found.possible
     assert found.cost > 0.5
     assert min(run.seconds for run in runs) < 0.05
     mujoco.MjModel.from_xml_string(to_mjcf(regressor.robot, found.standard, friction=False))
-    rows = reduced(torque_blocks(regressor, [part], CHOSEN))
+    rows = reduced(torque_blocks(regressor, [part], settings))
     before, after = (
         rows.residual_power(theta) / estimate.sigma**2 for theta in (estimate.parameters, found.parameters)
     )
-    assert 1 < np.sqrt(after.sum() / before.sum()) < 1.005
+    assert 1 < np.sqrt(after.sum() / before.sum()) < 1 + most / 100

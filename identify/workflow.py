@@ -248,22 +248,13 @@ def _identified(
     chosen = _chosen(both, model)
     regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
     tell(0.7, "residuals and held-out logs")
-    figures: dict[str, dict[str, Any]] = {}
-    predictions: list[np.ndarray] = []
-    for m in (both.torque, both.energy):
-        if m is not None:
-            figures[m.model], guesses = held_out.figures(m.regressor, train, m.estimate.parameters, m.settings)
-            predictions = guesses if m is chosen else predictions
+    figures, curves = _on_training(both, chosen, train)
     nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
-    curves: dict[str, np.ndarray] = {}
-    for k, (log, prediction) in enumerate(zip(train, predictions, strict=True)):
-        curves |= held_out.curves(f"train{k}", regressor, log, prediction, estimate.parameters, settings)
-    curves |= held_out.residual_autocorrelation(train[0], predictions[0])
     tests = []
     for k, log in enumerate(test):
-        result, prediction = held_out.held_out(regressor, log, train, estimate.parameters, settings, nominal)
+        result, drawn = _on_test(chosen, k, log, train, nominal)
         tests.append({"path": log.source, **result})
-        curves |= held_out.curves(f"test{k}", regressor, log, prediction, estimate.parameters, settings)
+        curves |= drawn
     tell(0.8, "links that physics allows")
     prior_reason = (
         "the log is a simulation of the robot file itself"
@@ -300,6 +291,33 @@ def _identified(
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
     )
+
+
+def _on_training(
+    both: Fit, chosen: ModelFit, logs: list[Log]
+) -> tuple[dict[str, dict[str, Any]], dict[str, np.ndarray]]:
+    """Each model's figures on the training logs, and the chosen one's curves, its prediction alone in memory."""
+    from identify.validation import held_out
+
+    others = [m for m in (both.torque, both.energy) if m is not None and m is not chosen]
+    figures = {m.model: held_out.figures(m.regressor, logs, m.estimate.parameters, m.settings)[0] for m in others}
+    regressor, parameters, settings = chosen.regressor, chosen.estimate.parameters, chosen.settings
+    figures[chosen.model], predictions = held_out.figures(regressor, logs, parameters, settings)
+    curves: dict[str, np.ndarray] = {}
+    for k, (log, prediction) in enumerate(zip(logs, predictions, strict=True)):
+        curves |= held_out.curves(f"train{k}", regressor, log, prediction, parameters, settings)
+    return figures, curves | held_out.residual_autocorrelation(logs[0], predictions[0])
+
+
+def _on_test(
+    chosen: ModelFit, k: int, log: Log, training: list[Log], nominal: np.ndarray | None
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Figures and curves of the k-th log that was not fitted."""
+    from identify.validation import held_out
+
+    regressor, parameters, settings = chosen.regressor, chosen.estimate.parameters, chosen.settings
+    result, prediction = held_out.held_out(regressor, log, training, parameters, settings, nominal)
+    return result, held_out.curves(f"test{k}", regressor, log, prediction, parameters, settings)
 
 
 def _physical(

@@ -119,9 +119,10 @@ def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, set
         slip = presliding(motion.q) if presliding else None
         effort[rows] = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign, slip)
     time = clock(log)[0]
-    if np.array_equal(time, log.time):
-        return effort
-    return np.column_stack([np.interp(log.time, time, column) for column in effort.T])
+    if not np.array_equal(time, log.time):
+        for column in effort.T:  # in place, as a log may be long
+            column[:] = np.interp(log.time, time, column)
+    return effort
 
 
 def load_folder(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -13,6 +13,9 @@ from identify.logs.log import Log
 JITTER = 0.02
 """Steps that differ from the mean step by more than this share of it are resampled onto the mean step."""
 
+STAMP_S = 1e-9
+"""Stamps are rounded to this [s]."""
+
 REACH = 2.0
 """How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
 
@@ -60,15 +63,20 @@ def _butterworth(cutoff: float, rate: float) -> np.ndarray:
 
 def clock(log: Log, jitter: float = JITTER) -> tuple[np.ndarray, float, bool]:
     """A uniform clock (N,) [s] for the log, its rate [Hz], and whether the samples lie on it as they are: where no step
-    differs by more than `jitter` of itself."""
+    differs by more than `jitter` of itself. It is the log's own where that is uniform up to STAMP_S."""
     step = (log.time[-1] - log.time[0]) / (log.samples - 1)
-    even = log.time[0] + step * np.arange(log.samples)
+
+    def even(start: int, stop: int) -> np.ndarray:
+        return np.asarray(log.time[0] + step * np.arange(start, stop))
+
     off, uneven = 0.0, 0.0
     for start in range(0, log.samples, _BLOCK):  # a log may be long
         times = log.time[start : start + _BLOCK + 1]
-        off = max(off, np.abs(even[start : start + _BLOCK + 1] - times).max())
+        off = max(off, np.abs(even(start, start + len(times)) - times).max())
         uneven = max(uneven, np.abs(np.diff(times) - step).max(initial=0.0))
-    return even, 1 / step, bool(uneven <= jitter * step and off <= step)
+    if off <= STAMP_S:
+        return log.time, 1 / step, True
+    return even(0, log.samples), 1 / step, bool(uneven <= jitter * step and off <= step)
 
 
 def beneath(log: Log, time: np.ndarray) -> slice:

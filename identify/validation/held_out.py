@@ -47,13 +47,13 @@ def held_out(
     nominal: np.ndarray | None,
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Figures of a log that was not fitted, with the nominal model's and how far it leaves the training positions."""
+    theirs = None if nominal is None else figures(regressor, [log], nominal, settings)[0]
     result, (prediction,) = figures(regressor, [log], parameters, settings)
     low = np.min([t.position.min(axis=0) for t in training], axis=0)
     high = np.max([t.position.max(axis=0) for t in training], axis=0)
     outside = ((log.position < low) | (log.position > high)).mean(axis=0)
     result["outside_training_percent"] = [float(100 * x) for x in outside]
     result["is_a_training_log"] = any(np.array_equal(log.position, t.position) for t in training)
-    theirs = None if nominal is None else figures(regressor, [log], nominal, settings)[0]
     why = "the joint never moves or nothing was measured"
     if theirs is None:
         same = "the log is a simulation of the robot file itself"
@@ -78,14 +78,15 @@ def curves(
     for x in pieces(log, prediction):
         motion = motion_at(log, x.around, settings.position_cutoff_hz, ticks)
         rigid = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, base)
-        measured = x.low_passed(x.effort)
+        measured, error, rigid = x.low_passed(x.effort, x.error, rigid)
         found = {"time": motion.time[x.inside], "moving": x.moves[x.inside], "measured": measured}
-        found |= {"predicted": measured - x.low_passed(x.error), "rigid": x.low_passed(rigid)}
+        found |= {"predicted": measured - error, "rigid": rigid}
         moved = {"position": motion.q, "velocity": motion.dq, "acceleration": motion.ddq}
         found |= {name: values[x.inside] for name, values in moved.items()}
         for name, values in found.items():
             kept = values[-x.rows.start % step :: step]
-            parts.setdefault(name, []).append(kept if name in ("time", "moving") else kept.astype(np.float32))
+            kind = values.dtype if name in ("time", "moving") else np.float32
+            parts.setdefault(name, []).append(kept.astype(kind))
     return {f"{prefix}/{name}": np.concatenate(values) for name, values in parts.items()}
 
 
@@ -93,8 +94,8 @@ def residual_autocorrelation(log: Log, prediction: np.ndarray) -> dict[str, np.n
     """Autocorrelation (L, n) over lag (L,) [s] of the low-passed residual, rows at rest set to zero."""
     rate = log.rate_hz
     step = max(1, int(rate / (8 * CUTOFF_HZ)))
-    kept = [x.low_passed(x.error * x.moves)[-x.rows.start % step :: step] for x in pieces(log, prediction)]
-    thin = np.concatenate(kept)
+    smooth = ((x.rows.start, *x.low_passed(x.error * x.moves)) for x in pieces(log, prediction))
+    thin = np.concatenate([error[-start % step :: step].copy() for start, error in smooth])
     lags = np.arange(min(len(thin) - 1, int(LAGS_S * rate / step)))
     power = np.maximum((thin**2).sum(axis=0), 1e-300)
     values = np.array([(thin[lag:] * thin[: len(thin) - lag]).sum(axis=0) / power for lag in lags])

@@ -238,9 +238,10 @@ class Regressor:
             yield np.split(values, ends[:-1])
 
     def presliding(self, distance: float) -> Presliding:
-        """The presliding states along positions, to be called with one after the other or with many; their `slip`.
+        """What gives `slip` along positions, called with one after the other or with many.
 
-        distance [rad or m]: how far a joint creeps before it slides. A controller makes one and calls it every tick.
+        distance [rad or m]: how far a joint creeps before it slides. A controller makes one, `slide`, and calls
+        `inverse_dynamics(q, dq, ddq, theta, sign, slide(q))` every tick.
         """
         return Presliding(distance, self.extra.speeds if self.extra else np.asarray)
 

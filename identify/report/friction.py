@@ -10,7 +10,7 @@ import numpy as np
 from identify.estimation.identification import FRICTION
 from identify.numbers import estimate, finite
 from identify.regressor.columns import smooth_sign
-from identify.regressor.friction import CUBE_ROOT, PRESLIDING
+from identify.regressor.friction import CUBE_ROOT, FURTHER, PRESLIDING
 from identify.report import data_figures
 from identify.report.estimates import estimates_table, friction_parameters
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
@@ -82,7 +82,7 @@ def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarr
 
 
 def _forms(record: Record) -> str:
-    """What the curves are made of where there is more than viscous and Coulomb friction."""
+    """What the curves are made of beside viscous and Coulomb friction, and which forms of it were tried in vain."""
     forms = items(record, "settings", "friction")
     told = []
     if CUBE_ROOT in forms:
@@ -94,6 +94,9 @@ def _forms(record: Record) -> str:
             f"few times {1000 * distance:g} mrad (or mm), and at rest it keeps its value. The curves show "
             "it where the joint slides on, so that near zero the data lie between the two branches."
         )
+    tried = {form for c in items(record, "settings", "candidates") for form in items(c, "settings", "friction")}
+    if vain := [form.replace("_", " ") for form in FURTHER if form in tried and form not in forms]:
+        told.append(f"Tried on blocks left out, and not surely better there: {' and '.join(vain)} friction.")
     return f'<p class="remark">{esc(" ".join(told))}</p>' if told else ""
 
 

@@ -40,6 +40,9 @@ def test_further_forms_are_told_and_tabled() -> None:
     for row in record["friction"]:
         row |= {key: {**row["coulomb"], "estimate": 0.7} for key in ("cube_root", "presliding")}
     html = render(record, curves)
+    assert "not surely better there" not in html
+    record["settings"] |= {"friction": [], "candidates": [{"settings": {"friction": ["cube_root"]}}]}
+    assert "not surely better there: cube root friction." in render(record, curves)
     for text in ("cube root of the velocity (Fc)", "0.2 mrad", "F<sub>c1</sub>", "F<sub>p1</sub>"):
         assert text in html
         assert text not in plain

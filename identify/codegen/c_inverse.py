@@ -194,6 +194,7 @@ static int kept(const double pose[16], const double current[@n], const double br
 
 
 def inverse_signature(model: Inverse, n: int, prefix: str) -> str:
+    """Head of the C function, without a semicolon."""
     return (
         f"int {prefix}_inverse_geometry(const double pose[16], const double current[{n}], "
         f"double q[{model.most}][{n}], int inside_limits[{model.most}])"

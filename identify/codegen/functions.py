@@ -14,9 +14,10 @@ from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 from identify.symbolic.chain import Mat, Vec, add, cross, joint_transform, matmul, matvec
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.motion import Motion
 from identify.symbolic.newton_euler import torque_regressor
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import bilinear_in_rates

@@ -41,9 +41,8 @@ class Batch:
     """Neighbouring message records: content (bytes) uint8, offsets (k,) and lengths (k,) in it, heads included.
 
     chunk: the chunk record they come from, as it stands in the file; None for messages outside of chunks, or of one
-    that is not sound. grid: (k, length) uint8, all
-    of them as a view where they are of one length and nothing lies between them, else None. stop: the place in
-    the file up to which they were read.
+    that is not sound. grid: (k, length) uint8, all of them as a view where they are of one length and nothing lies
+    between them, else None. stop: the place in the file up to which they were read.
     """
 
     content: np.ndarray
@@ -237,6 +236,7 @@ def _at(view: np.ndarray, kind: str, offsets: np.ndarray) -> np.ndarray:
 
 
 def read_record(opcode: int, body: bytes, at: int) -> Any:
+    """The record of an opcode in KEPT, or the damage that its body, at this place in the file, is."""
     kind: Any = KEPT[opcode]
     try:
         return kind.read(ReadDataStream(io.BytesIO(body)))

@@ -95,6 +95,7 @@ class Joint:
 
     @property
     def revolute(self) -> bool:
+        """Whether it turns; else it slides."""
         return self.type == REVOLUTE
 
     @property
@@ -158,6 +159,7 @@ class Robot:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
+        """(n,) names of the joints, in their order."""
         return tuple(joint.name for joint in self.joints)
 
     @property

@@ -88,10 +88,12 @@ class _Field:
     values: dict[str, float]
 
     def length(self, joint: Joint, key: str) -> Any:
+        """A length of the joint: its letter where it has one, or else the number."""
         letter = dict(joint.symbols).get(key)
         return self.letters[letter] if letter in self.letters else self.number(getattr(joint, key))
 
     def number(self, value: float) -> Any:
+        """The number as a fraction, as it is written in decimals."""
         return self.domain.convert(QQ(*Fraction(repr(round(float(value), DIGITS))).as_integer_ratio()))
 
     def cos_sin(self, angle: float) -> tuple[Any, Any]:

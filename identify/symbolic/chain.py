@@ -32,10 +32,12 @@ def exact_cos_sin(angle: float) -> tuple[float, float]:
 
 
 def cross(a: Vec, b: Vec) -> Vec:
+    """a × b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 def dot(a: Sequence, b: Sequence) -> Scalar:
+    """Σ a·b, of any length."""
     total: Scalar = 0
     for x, y in zip(a, b, strict=True):
         total = total + x * y
@@ -43,30 +45,56 @@ def dot(a: Sequence, b: Sequence) -> Scalar:
 
 
 def add(*vectors: Vec) -> Vec:
+    """The sum of one vector or more."""
     x, y, z = vectors[0]
     for v in vectors[1:]:
         x, y, z = x + v[0], y + v[1], z + v[2]
     return (x, y, z)
 
 
+def times(x: Scalar, v: Vec) -> Vec:
+    """x·v."""
+    return (x * v[0], x * v[1], x * v[2])
+
+
+def column(a: Mat, i: int) -> Vec:
+    """Column i of A."""
+    return (a[0][i], a[1][i], a[2][i])
+
+
+def is_zero(x: Scalar) -> bool:
+    """Whether it is the number zero, or the constant."""
+    return (x.value if isinstance(x, Expression) else x) == 0
+
+
+def number(x: Scalar) -> float:
+    """Its value where it is a number or a constant; 0 for any other expression."""
+    return x.value or 0.0 if isinstance(x, Expression) else x
+
+
 def transpose(a: Mat) -> Mat:
+    """Aᵀ."""
     return ((a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2]))
 
 
 def matvec(a: Mat, v: Vec) -> Vec:
+    """A·v."""
     return (dot(a[0], v), dot(a[1], v), dot(a[2], v))
 
 
 def matmul(a: Mat, b: Mat) -> Mat:
+    """A·B."""
     columns = transpose(b)
     return tuple(tuple(dot(row, column) for column in columns) for row in a)  # type: ignore[return-value]
 
 
 def rotation_z(c: Scalar, s: Scalar) -> Mat:
+    """Rot(z, θ) from cos θ and sin θ."""
     return ((c, -s, 0), (s, c, 0), (0, 0, 1))
 
 
 def rotation_x(c: Scalar, s: Scalar) -> Mat:
+    """Rot(x, α) from cos α and sin α."""
     return ((1, 0, 0), (0, c, -s), (0, s, c))
 
 

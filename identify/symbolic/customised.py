@@ -23,9 +23,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from identify.robot.robot import Robot
-from identify.symbolic.chain import Mat, Vec, add, cross, exact_cos_sin, matmul, matvec, transpose
+from identify.symbolic.chain import (
+    Mat,
+    Vec,
+    add,
+    column,
+    cross,
+    exact_cos_sin,
+    matmul,
+    matvec,
+    number,
+    times,
+    transpose,
+)
 from identify.symbolic.expression import Graph, Scalar
 from identify.symbolic.form import Form, Forms, can_merge
+from identify.symbolic.motion import Motion
 from identify.symbolic.second_moments import (
     IA,
     MX,
@@ -44,38 +57,7 @@ from identify.symbolic.second_moments import (
     turned_body,
     unturned_moment,
 )
-from identify.symbolic.turning import Lengths, Motions, Turn, column, motions_of, number, times, turns_of
-
-
-@dataclass(frozen=True)
-class Motion:
-    """What drives the recurrence: velocities and accelerations (n,) of the joints, 0g, and a wrench on the last link.
-
-    force and moment (3,) that the last link exerts on its surroundings, in its frame at its origin [2.62].
-    """
-
-    dq: list[Scalar]
-    ddq: list[Scalar]
-    gravity: Vec
-    force: Vec = (0, 0, 0)
-    moment: Vec = (0, 0, 0)
-
-    @staticmethod
-    def of(
-        graph: Graph, robot: Robot, *, dq: bool = True, ddq: bool = True, gravity: bool = True, wrench: bool = False
-    ) -> Motion:
-        """Symbols dq1 …, ddq1 …, and F1 F2 F3, N1 N2 N3 of the wrench; what is switched off is zero."""
-
-        def symbols(prefix: str, count: int, there: bool) -> list[Scalar]:
-            return [graph.symbol(f"{prefix}{j + 1}") if there else graph.constant(0) for j in range(count)]
-
-        return Motion(
-            symbols("dq", robot.n, dq),
-            symbols("ddq", robot.n, ddq),
-            tuple(graph.constant(x if gravity else 0.0) for x in robot.gravity),  # type: ignore[arg-type]
-            tuple(symbols("F", 3, wrench)),  # type: ignore[arg-type]
-            tuple(symbols("N", 3, wrench)),  # type: ignore[arg-type]
-        )
+from identify.symbolic.turning import Lengths, Motions, Turn, motions_of, turns_of
 
 
 def customised_torque(

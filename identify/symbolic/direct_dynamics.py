@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from identify.robot.robot import Robot
-from identify.symbolic.customised import Motion
 from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.geometry import letters
 from identify.symbolic.inverse_dynamics import assembled, customised_effort, customised_motion
 from identify.symbolic.joint_effort import friction, shared_inertia
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import SymbolicModel, entry_name, vector
+from identify.symbolic.motion import Motion
 from identify.symbolic.naming import short_statements
 from identify.symbolic.operations import lifted
 

@@ -82,9 +82,11 @@ class Knowledge:
         return tuple(int(f) for f in factors) if np.array_equal(matrix @ factors, right) else None
 
     def knows(self, unknown: Unknown) -> bool:
+        """Whether its value follows from what is known."""
         return unknown in self.lengths if isinstance(unknown, int) else self.combination(unknown) is not None
 
     def adding(self, unknown: Unknown) -> Knowledge:
+        """What is known once this unknown is, too."""
         if isinstance(unknown, int):
             return Knowledge(self.angles, (*self.lengths, unknown))
         return Knowledge((*self.angles, unknown), self.lengths)
@@ -99,6 +101,7 @@ class Reader:
     owner: dict[int, Unknown]
 
     def is_zero(self, polynomial: Polynomial) -> bool:
+        """Zero at one probe at least: not safe to divide by."""
         if not polynomial:
             return True
         value, size = evaluate(polynomial, self.values)
@@ -112,6 +115,7 @@ class Reader:
         return bool(np.all(np.abs(value) <= ALWAYS_ZERO * size))
 
     def clean(self, polynomial: Polynomial) -> Polynomial:
+        """The polynomial, or none where it is zero at every probe."""
         return self.space.ring.zero if self.vanishes(polynomial) else polynomial
 
     def is_constant(self, polynomial: Polynomial) -> bool:
@@ -120,6 +124,7 @@ class Reader:
         return not self.space.generators(polynomial) & moving
 
     def indices(self, unknown: Unknown) -> tuple[int, ...]:
+        """Generators that stand for the unknown: of an angle, its cosine and sine."""
         return (self.space.prismatic[unknown],) if isinstance(unknown, int) else self.space.angles[unknown]
 
     def unknowns(self, polynomial: Polynomial, known: Knowledge) -> list[Unknown]:
@@ -164,6 +169,7 @@ class Reader:
 
 
 def reader(space: Algebra, values: np.ndarray) -> Reader:
+    """The reader of an algebra, with values (generators, k) of its generators at k probes."""
     owner: dict[int, Unknown] = {k: angle for angle, pair in space.angles.items() for k in pair}
     owner.update({k: j for j, k in space.prismatic.items()})
     return Reader(space, values, owner)

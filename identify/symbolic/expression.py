@@ -31,9 +31,11 @@ class Graph:
         return Expression(self, self.index[key])
 
     def constant(self, value: Number) -> Expression:
+        """A number."""
         return self.node("constant", float(value))
 
     def symbol(self, name: str) -> Expression:
+        """A variable or a parameter."""
         return self.node("symbol", name)
 
 
@@ -46,6 +48,7 @@ class Expression:
 
     @property
     def key(self) -> tuple:
+        """The node as the graph stores it."""
         return self.graph.nodes[self.index]
 
     @property

@@ -18,8 +18,8 @@ class Form:
     the first moments and the mass likewise, for a link seen from the one before it. `level`: for a link behind a
     parallel axis, acceleration and force go through the axes that none of the parallel joints turns; `levered`: the
     parent's first moments and SXZ, SYZ then act as forces at this link's axis; `stepped`: the force's lever about the
-    parent's axis is taken in the parent's axes. `merged`: a last link without offsets
-    and with axes at right angles to its parent's as part of the parent's body.
+    parent's axis is taken in the parent's axes. `merged`: a last link without offsets and with axes at right angles to
+    its parent's as part of the parent's body.
     """
 
     shared_squares: bool = True

@@ -10,12 +10,13 @@ from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import dot
 from identify.symbolic.constants import base_values, gravity_symbols, gravity_values
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.geometry import letters
 from identify.symbolic.joint_effort import friction, joint_parameters, shared_effort, signs
 from identify.symbolic.link_motion import recurrence
 from identify.symbolic.model import SymbolicModel, vector
+from identify.symbolic.motion import Motion
 from identify.symbolic.naming import exact, short_statements
 from identify.symbolic.operations import lifted
 from identify.symbolic.representative import representative

@@ -22,12 +22,13 @@ from identify.symbolic.chain import (
     transpose,
 )
 from identify.symbolic.constants import gravity_symbols, gravity_values, inertial_parameters, standard_symbols
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, cos, reachable, sin
 from identify.symbolic.geometry import letters
 from identify.symbolic.joint_effort import friction, joint_parameters, shared_inertia, signs
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import CORIOLIS, Result, SymbolicModel, entry_name, matrix, vector
+from identify.symbolic.motion import Motion
 from identify.symbolic.naming import short_statements
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import directional

@@ -26,6 +26,7 @@ class Result:
 
     @property
     def number(self) -> bool:
+        """Whether it is one number."""
         return self.entries == (self.name,)
 
 

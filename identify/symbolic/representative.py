@@ -19,9 +19,10 @@ import numpy as np
 from identify.robot.robot import Drive, Limits, Link, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import exact_cos_sin
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
 from identify.symbolic.form import Form, Forms, can_merge, turn_symbol
+from identify.symbolic.motion import Motion
 from identify.symbolic.operations import count, lifted, varying
 from identify.symbolic.second_moments import (
     MX,

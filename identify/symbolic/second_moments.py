@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identify.symbolic.chain import Mat, Vec, cross
+from identify.symbolic.chain import Mat, Vec, cross, number
 from identify.symbolic.expression import Scalar
-from identify.symbolic.turning import Motions, number
+from identify.symbolic.turning import Motions
 
 SECOND_MOMENTS = ("SXX", "SXY", "SXZ", "SYY", "SYZ", "SZZ", "MX", "MY", "MZ", "M", "Ia")
 """Parameters of one link and its drive: ∫ r rᵀ dm, ∫ r dm and ∫ dm about O_j in R_j, and the actuator inertia."""

@@ -30,6 +30,7 @@ class Table:
         self.constant: list[bool] = []
 
     def node(self, key: tuple, constant: bool) -> int:
+        """Index of the node of this key, made if it is new; constant: whether nothing in it moves."""
         if key not in self.index:
             self.index[key] = len(self.nodes)
             self.nodes.append(key)
@@ -46,12 +47,14 @@ class Table:
         return self.node(key, all(self.constant[k] for k, _ in ordered)), sign
 
     def product(self, factors: Iterable[int]) -> int:
+        """Index of the product of these nodes; of one alone, its own."""
         ordered = tuple(sorted(factors))
         if len(ordered) == 1:
             return ordered[0]
         return self.node(("product", ordered), all(self.constant[k] for k in ordered))
 
     def children(self, i: int) -> tuple[int, ...]:
+        """Nodes that node i reads."""
         kind, *rest = self.nodes[i]
         if kind == "sum":
             return tuple(k for k, _ in rest[0])

@@ -5,7 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from identify.robot.robot import Robot
-from identify.symbolic.chain import Mat, Vec, exact_cos_sin, matmul, matvec, rotation_x, rotation_z, transpose
+from identify.symbolic.chain import (
+    Mat,
+    Vec,
+    exact_cos_sin,
+    is_zero,
+    matmul,
+    matvec,
+    rotation_x,
+    rotation_z,
+    transpose,
+)
 from identify.symbolic.expression import Expression, Graph, Scalar, cos, sin
 from identify.symbolic.form import Form, turn_symbol
 
@@ -149,19 +159,3 @@ def motions_of(
         differences = (s3 - s2, s1 - s3, s2 - s1)
     u = ((u11, p12 - spin, u13), (p12 + spin, u22, u23), (u31, u32, u33))
     return Motions(omega, alpha, u, differences, (s1, s2, s3), p12)
-
-
-def is_zero(x: Scalar) -> bool:
-    return (x.value if isinstance(x, Expression) else x) == 0
-
-
-def number(x: Scalar) -> float:
-    return x.value or 0.0 if isinstance(x, Expression) else x
-
-
-def column(a: Mat, i: int) -> Vec:
-    return (a[0][i], a[1][i], a[2][i])
-
-
-def times(x: Scalar, v: Vec) -> Vec:
-    return (x * v[0], x * v[1], x * v[2])

@@ -15,9 +15,10 @@ from symbolic_models import function_of, states, tilted
 from identify.robot.library import load_robot
 from identify.robot.robot import Joint, Robot
 from identify.symbolic.base_parameters import base_parameters
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.expression import Expression, Graph, evaluate
 from identify.symbolic.form import Form, Forms
+from identify.symbolic.motion import Motion
 from identify.symbolic.operation_table import (
     is_chapters_robot,
     operations,

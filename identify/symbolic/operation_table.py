@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
-from identify.symbolic.customised import Motion, customised_torque
+from identify.symbolic.customised import customised_torque
 from identify.symbolic.direct_dynamics import equations, solution
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
@@ -17,6 +17,7 @@ from identify.symbolic.geometry import symbolic_direct_geometry
 from identify.symbolic.jacobian import symbolic_matrix
 from identify.symbolic.lagrange import lagrange
 from identify.symbolic.model import entry_name
+from identify.symbolic.motion import Motion
 from identify.symbolic.naming import graph_of
 from identify.symbolic.newton_euler import torque_regressor
 from identify.symbolic.operations import Operations, count, lifted, written

@@ -14,7 +14,7 @@ WIDTH = 120
 TAKEN = {*sys.stdlib_module_names, "numpy"}
 """Names that a file beside a program must not have: `import math` would find the robot called Math."""
 
-PLAIN = {"·": ".", "²": "^2", "³": "^3", "×": "*", "−": "-", "–": "-", "°": "deg", "ß": "ss", "φ": "phi"}
+PLAIN = {"·": ".", "²": "^2", "³": "^3", "×": "*", "−": "-", "–": "-", "°": "deg", "ß": "ss", "φ": "phi", "∛": "cbrt"}
 
 
 def ascii_text(text: str) -> str:

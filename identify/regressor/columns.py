@@ -32,8 +32,8 @@ TAKING = ("Fv", "off", "Fvm", *READS)
 _FORCES = {"Fs": "N", "off": "N", "Fsm": "N", "Fp": "N", "Fpm": "N"}
 _TORQUES = dict.fromkeys(_FORCES, "N·m")
 TURNING = _TORQUES | {"Iam": "kg·m²", **dict.fromkeys(("Fv", "Fvm"), "N·m·s/rad")}
-TURNING |= dict.fromkeys(("Fc", "Fcm"), "N·m·(s/rad)^⅓")
-SLIDING = _FORCES | {"Iam": "kg", **dict.fromkeys(("Fv", "Fvm"), "N·s/m"), **dict.fromkeys(("Fc", "Fcm"), "N·(s/m)^⅓")}
+TURNING |= dict.fromkeys(("Fc", "Fcm"), "N·m·∛(s/rad)")
+SLIDING = _FORCES | {"Iam": "kg", **dict.fromkeys(("Fv", "Fvm"), "N·s/m"), **dict.fromkeys(("Fc", "Fcm"), "N·∛(s/m)")}
 
 
 def column_kind(name: str) -> str:

@@ -138,7 +138,10 @@ def _drives(record: Record, physical: Mapping[str, Any]) -> str:
         )
     head = [("joint", "text")]
     head += [(name, "number") for name in ("actuator inertia", "viscous", "Coulomb", "offset")]
-    return fold("Drives", table(head, cells, "Drives"), "actuator inertia and friction, none negative")
+    said = "actuator inertia and friction, none negative"
+    if items(record, "settings", "friction"):
+        said += "; viscous and Coulomb nearest to all forms of friction together"
+    return fold("Drives", table(head, cells, "Drives"), said)
 
 
 def _moved(physical: Mapping[str, Any]) -> str:

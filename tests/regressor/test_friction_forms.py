@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from chains import random_chain
 from scipy.integrate import solve_ivp
 from symbolic_models import states
 
@@ -123,3 +124,13 @@ def test_choices() -> None:
     assert chosen_forms("presliding,cube_root") == chosen_forms(["presliding", "cube_root"]) == BOTH
     with pytest.raises(InputError, match=r"friction 'stribeck' is not known; choose from viscous.*presliding"):
         chosen_forms("cube_root,stribeck")
+
+
+def test_units() -> None:
+    arm = random_chain(np.random.default_rng(2), 3)
+    regressor = Regressor(arm, BOTH)
+    units = dict(zip(regressor.names, regressor.units, strict=True))
+    for j, joint in enumerate(arm.joints, 1):
+        force, speed = (joint.effort_unit, f"s/{joint.position_unit}")
+        assert [units[f"{kind}{j}"] for kind in ("Fs", "Fp", "Fc")] == [force, force, f"{force}·∛({speed})"]
+    assert {joint.type for joint in arm.joints} == {"revolute", "prismatic"}

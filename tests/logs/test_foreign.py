@@ -67,7 +67,7 @@ def rosbag(folder: Path, logs: dict[str, Log], compressed: str = "none") -> None
 
 
 @pytest.mark.parametrize(("velocity", "effort"), [(True, True), (False, True), (False, False)])
-def test_a_bag_of_rosbags(tmp_path, velocity, effort):
+def test_a_bag_of_rosbags(tmp_path: Path, velocity, effort) -> None:
     log = make_log(700, velocity=velocity, effort=effort)
     rosbag(tmp_path / "bag", {"/joint_states": log})
     assert (tmp_path / "bag" / "metadata.yaml").is_file()
@@ -76,7 +76,7 @@ def test_a_bag_of_rosbags(tmp_path, velocity, effort):
     agrees(read_log(file), log)
 
 
-def test_a_bag_of_rosbags_whose_messages_are_compressed_one_by_one(tmp_path):
+def test_a_bag_of_rosbags_whose_messages_are_compressed_one_by_one(tmp_path: Path) -> None:
     log = make_log(300)
     rosbag(tmp_path / "bag", {"/joint_states": log}, "message")
     agrees(read_log(tmp_path / "bag"), log)
@@ -84,7 +84,7 @@ def test_a_bag_of_rosbags_whose_messages_are_compressed_one_by_one(tmp_path):
 
 @pytest.mark.parametrize("compression", ["Zstd", "Lz4", None])
 @pytest.mark.parametrize("options", [{}, {"use_chunks": False}, {"emit_message_indexes": False, "chunk_size": 10_000}])
-def test_cdr_of_the_foxglove_sdk(tmp_path, compression, options):
+def test_cdr_of_the_foxglove_sdk(tmp_path: Path, compression, options) -> None:
     foxglove = needed("foxglove")
     from foxglove.mcap import MCAPCompression, MCAPWriteOptions
     from log_files import payload_by_others
@@ -105,7 +105,7 @@ def test_cdr_of_the_foxglove_sdk(tmp_path, compression, options):
     agrees(read_log(path), log)
 
 
-def test_json_of_the_foxglove_sdk(tmp_path):
+def test_json_of_the_foxglove_sdk(tmp_path: Path) -> None:
     foxglove = needed("foxglove")
     log = make_log(200)
     context = foxglove.Context()
@@ -119,7 +119,7 @@ def test_json_of_the_foxglove_sdk(tmp_path):
     agrees(read_log(tmp_path / "a.mcap"), log)
 
 
-def test_joint_states_of_the_foxglove_sdk(tmp_path):
+def test_joint_states_of_the_foxglove_sdk(tmp_path: Path) -> None:
     """Its own message, in protobuf, where a value may be missing."""
     foxglove = needed("foxglove")
     from foxglove.channels import JointStatesChannel
@@ -148,7 +148,7 @@ def test_joint_states_of_the_foxglove_sdk(tmp_path):
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
-def test_a_file_of_mcap_ros2_support(tmp_path, compression):
+def test_a_file_of_mcap_ros2_support(tmp_path: Path, compression) -> None:
     log = make_log(500)
     messages = [("/joint_states", START_NS + STEP * k, message(log, k, START_NS + STEP * k)) for k in range(500)]
     write_by_others(tmp_path / "a.mcap", messages, compression, chunk_size=50_000)
@@ -156,7 +156,7 @@ def test_a_file_of_mcap_ros2_support(tmp_path, compression):
 
 
 @pytest.mark.parametrize(("velocity", "effort"), [(True, True), (False, False)])
-def test_rosbags_reads_ours(tmp_path, velocity, effort):
+def test_rosbags_reads_ours(tmp_path: Path, velocity, effort) -> None:
     needed("rosbags")
     from rosbags.highlevel import AnyReader
 
@@ -175,7 +175,7 @@ def test_rosbags_reads_ours(tmp_path, velocity, effort):
         assert same(got, np.empty((log.samples, 0)) if values is None else values)
 
 
-def test_the_reader_of_foxglove_reads_ours_with_every_checksum(tmp_path):
+def test_the_reader_of_foxglove_reads_ours_with_every_checksum(tmp_path: Path) -> None:
     """Its SDK for Python writes alone; `mcap`, by the same makers, is its reader."""
     log = make_log(1200)
     write_mcap(log, tmp_path / "a.mcap", {"robot.toml": b"x = 1"}, start_ns=START_NS)

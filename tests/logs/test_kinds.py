@@ -62,7 +62,7 @@ def write_controller(path: Path, log: Log, names: list[str], tail: str = "", ext
 
 @pytest.mark.parametrize("names", [["desired", "actual", "error"], ["reference", "feedback", "error", "output"]])
 @pytest.mark.parametrize("channels", [(True, True), (True, False), (False, False)])
-def test_the_measured_point_of_a_controllers_state(tmp_path, names, channels):
+def test_the_measured_point_of_a_controllers_state(tmp_path: Path, names, channels) -> None:
     log = make_log(300, velocity=channels[0], effort=channels[1])
     write_controller(tmp_path / "a.mcap", log, names)
     back = read_mcap(tmp_path / "a.mcap").log
@@ -72,7 +72,7 @@ def test_the_measured_point_of_a_controllers_state(tmp_path, names, channels):
     assert back.findings == ()
 
 
-def test_a_controllers_state_in_bulk_is_what_it_is_one_by_one(tmp_path, monkeypatch):
+def test_a_controllers_state_in_bulk_is_what_it_is_one_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = make_log(200)
     tail = "string[] multi_dof_joint_names\n"
     write_controller(tmp_path / "a.mcap", log, ["reference", "feedback"], tail, {"multi_dof_joint_names": ["x"]})
@@ -89,7 +89,7 @@ def test_a_controllers_state_in_bulk_is_what_it_is_one_by_one(tmp_path, monkeypa
         assert same(getattr(bulk, name), getattr(log, name))
 
 
-def test_joint_states_come_before_a_controllers_unless_they_lack_the_joints(tmp_path):
+def test_joint_states_come_before_a_controllers_unless_they_lack_the_joints(tmp_path: Path) -> None:
     arm, gripper = make_log(100), make_log(100, ("finger",))
     path = tmp_path / "a.mcap"
     with open(path, "wb") as stream, Writer(stream) as writer:
@@ -115,7 +115,7 @@ def test_joint_states_come_before_a_controllers_unless_they_lack_the_joints(tmp_
     assert read_log(path, topic="/arm").joints == NAMES
 
 
-def test_the_publisher_that_has_the_joints_is_chosen_among_many(tmp_path):
+def test_the_publisher_that_has_the_joints_is_chosen_among_many(tmp_path: Path) -> None:
     """On one topic: the arm alone, the arm with a gripper twice as often, and a gripper ten times as often."""
     arm, both, gripper = make_log(50), make_log(100, ("finger", *NAMES)), make_log(500, ("finger",))
     messages = []
@@ -137,7 +137,7 @@ def test_the_publisher_that_has_the_joints_is_chosen_among_many(tmp_path):
     )
 
 
-def test_effort_and_velocity_are_never_filled_with_zeros(tmp_path):
+def test_effort_and_velocity_are_never_filled_with_zeros(tmp_path: Path) -> None:
     """Two publishers of the same joints, one without effort: what is not known is NaN, and rows keep their order."""
     log = make_log(90)
     messages = []
@@ -171,7 +171,7 @@ def json_file(path: Path, contents: list, name: str, encoding: str = "jsonschema
 
 
 @pytest.mark.parametrize("name", ["sensor_msgs/msg/JointState", "", "anything"])
-def test_joint_states_in_json(tmp_path, name):
+def test_joint_states_in_json(tmp_path: Path, name) -> None:
     log = make_log(60, effort=False)
     contents = [message(log, k, START_NS + 3 * k * STEP) for k in range(60)]
     for k in (4, 9):
@@ -191,7 +191,7 @@ def test_joint_states_in_json(tmp_path, name):
 
 
 @pytest.mark.parametrize("time", ["2023-11-14T22:13:20.123456Z", 1_700_000_000.123456, None])
-def test_joint_states_in_json_as_a_list_of_joints(tmp_path, time):
+def test_joint_states_in_json_as_a_list_of_joints(tmp_path: Path, time) -> None:
     contents = [
         {"timestamp": time, "joints": [{"name": "a", "position": k, "effort": 2}, {"name": "b", "position": -k}]}
         for k in range(5)
@@ -207,7 +207,7 @@ def test_joint_states_in_json_as_a_list_of_joints(tmp_path, time):
     np.testing.assert_allclose(back.time, np.arange(5) / 1000, atol=1e-12)
 
 
-def test_json_that_is_something_else_is_no_joint_state(tmp_path):
+def test_json_that_is_something_else_is_no_joint_state(tmp_path: Path) -> None:
     json_file(tmp_path / "a.mcap", [{"battery": 0.4}], "status")
     with pytest.raises(LogError, match=r"holds no sensor_msgs/msg/JointState .*its topics: /arm \(status\)"):
         read_mcap(tmp_path / "a.mcap")
@@ -243,7 +243,7 @@ def parts_of(log: Log, count: int) -> list[Log]:
     ]
 
 
-def test_a_split_bag_is_one_log(tmp_path):
+def test_a_split_bag_is_one_log(tmp_path: Path) -> None:
     log = make_log(3300)
     bag(tmp_path / "bag", parts_of(log, 11), text="  storage_identifier: mcap\n")
     back = read_log(tmp_path / "bag")
@@ -263,7 +263,7 @@ def test_a_split_bag_is_one_log(tmp_path):
 
 
 @pytest.mark.parametrize("listed", [[], ["../secret.mcap", "gone.mcap"]])
-def test_a_bag_that_names_none_of_its_files_is_read_by_their_numbers(tmp_path, listed):
+def test_a_bag_that_names_none_of_its_files_is_read_by_their_numbers(tmp_path: Path, listed) -> None:
     log = make_log(1200)
     write_mcap(log, tmp_path / "secret.mcap")
     bag(tmp_path / "bag", parts_of(log, 12), listed)
@@ -272,7 +272,7 @@ def test_a_bag_that_names_none_of_its_files_is_read_by_their_numbers(tmp_path, l
     assert len(back.findings) == bool(listed)
 
 
-def test_bags_that_can_not_be_read_say_what_would_help(tmp_path):
+def test_bags_that_can_not_be_read_say_what_would_help(tmp_path: Path) -> None:
     for name, text, words in (
         ("sqlite", "  storage_identifier: sqlite3\n", "`ros2 bag convert`"),
         ("packed", "  compression_mode: FILE\n", "unpack them"),
@@ -283,7 +283,7 @@ def test_bags_that_can_not_be_read_say_what_would_help(tmp_path):
             read_log(tmp_path / name)
 
 
-def test_what_is_not_wanted_is_not_read(tmp_path):
+def test_what_is_not_wanted_is_not_read(tmp_path: Path) -> None:
     log = make_log(400)
     write_mcap(log, tmp_path / "a.mcap")
     back = read_log(tmp_path / "a.mcap", velocity=False)
@@ -294,7 +294,7 @@ def test_what_is_not_wanted_is_not_read(tmp_path):
     assert same(back.velocity, log.velocity[:, 3:])
 
 
-def test_messages_between_those_of_other_topics_are_found_by_the_index_and_without_it(tmp_path):
+def test_messages_between_those_of_other_topics_are_found_by_the_index_and_without_it(tmp_path: Path) -> None:
     """Every message stands alone, and an index that lies is not believed."""
     log = make_log(300)
     payloads = []

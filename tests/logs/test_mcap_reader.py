@@ -26,7 +26,7 @@ def stamps(count: int) -> list[int]:
 
 @pytest.mark.parametrize("compression", list(CompressionType))
 @pytest.mark.parametrize("channels", [(True, True), (False, True), (False, False)])
-def test_files_of_another_writer(tmp_path, compression, channels):
+def test_files_of_another_writer(tmp_path, compression, channels) -> None:
     log = make_log(400, velocity=channels[0], effort=channels[1])
     messages = [("/joint_states", when, message(log, k, when)) for k, when in enumerate(stamps(400))]
     write_by_others(tmp_path / "a.mcap", messages, compression, chunk_size=20_000)
@@ -37,7 +37,7 @@ def test_files_of_another_writer(tmp_path, compression, channels):
         assert same(getattr(back, name), getattr(log, name))
 
 
-def test_a_file_without_chunks(tmp_path):
+def test_a_file_without_chunks(tmp_path) -> None:
     log = make_log(300)
     payloads = [("/joint_states", when, payload_by_others(message(log, k, when))) for k, when in enumerate(stamps(300))]
     write_payloads(tmp_path / "a.mcap", payloads, use_chunking=False)
@@ -47,7 +47,7 @@ def test_a_file_without_chunks(tmp_path):
     assert back.findings == ()
 
 
-def test_the_order_of_joints_may_change_and_is_put_right(tmp_path):
+def test_the_order_of_joints_may_change_and_is_put_right(tmp_path) -> None:
     """The broadcaster restarted and names its joints otherwise; both orders alternate too."""
     log = make_log(90)
     orders = [[0, 1, 2, 3]] * 30 + [[2, 0, 3, 1]] * 30 + [[0, 1, 2, 3], [3, 2, 1, 0]] * 15
@@ -65,7 +65,7 @@ def test_the_order_of_joints_may_change_and_is_put_right(tmp_path):
         select(back, ("shoulder", "wrist"))
 
 
-def test_two_publishers_and_other_topics_in_between(tmp_path):
+def test_two_publishers_and_other_topics_in_between(tmp_path) -> None:
     arm, gripper = make_log(200), make_log(200, ("finger",))
     messages = []
     for k, when in enumerate(stamps(200)):
@@ -89,7 +89,7 @@ def test_two_publishers_and_other_topics_in_between(tmp_path):
 
 
 @pytest.mark.parametrize(("stamp", "finding"), [(0, False), (5 * 10**9, True)])
-def test_log_time_stands_in_for_stamps_that_do_not_run(tmp_path, stamp, finding):
+def test_log_time_stands_in_for_stamps_that_do_not_run(tmp_path, stamp, finding) -> None:
     log = make_log(50)
     messages = [("/joint_states", START_NS + 3 * STEP * k, message(log, k, stamp)) for k in range(50)]
     write_by_others(tmp_path / "a.mcap", messages)
@@ -98,7 +98,7 @@ def test_log_time_stands_in_for_stamps_that_do_not_run(tmp_path, stamp, finding)
     assert bool(back.findings) == finding
 
 
-def test_header_stamps_win_over_log_time(tmp_path):
+def test_header_stamps_win_over_log_time(tmp_path) -> None:
     log = make_log(50)
     jitter = np.random.default_rng(1).integers(0, STEP, 50)
     messages = [
@@ -128,7 +128,7 @@ def big_endian(log, row: int, stamp_ns: int) -> bytes:
     return bytes(out)
 
 
-def test_messages_that_are_not_regular_go_one_by_one(tmp_path):
+def test_messages_that_are_not_regular_go_one_by_one(tmp_path) -> None:
     """Big-endian ones, some whose effort is too short, some cut short, between regular ones."""
     log = make_log(40)
     payloads = []
@@ -153,7 +153,7 @@ def test_messages_that_are_not_regular_go_one_by_one(tmp_path):
     assert back.findings == ("1 joint state message could not be decoded and not used",)
 
 
-def test_padding_may_hold_anything():
+def test_padding_may_hold_anything() -> None:
     """Some serialisers leave in the gaps whatever was there before."""
     log = make_log(3)
     clean = [payload_by_others(message(log, k, START_NS + k)) for k in range(3)]
@@ -172,7 +172,7 @@ def test_padding_may_hold_anything():
     assert joint_state.matches(known, rows).tolist() == [True, True, False]
 
 
-def test_a_cut_file_gives_every_complete_chunk(tmp_path):
+def test_a_cut_file_gives_every_complete_chunk(tmp_path) -> None:
     """Cut at 200 random bytes; what must be there is known from the whole file's index, read by the mcap package."""
     log = make_log(9000)
     write_mcap(log, tmp_path / "whole.mcap", {"robot.toml": b"x = 1"}, start_ns=START_NS)
@@ -217,7 +217,7 @@ def complete_at(ends: list[tuple[int, int]], cut: int) -> int:
     return max(at for at, _ in ends if at <= cut)
 
 
-def test_a_damaged_chunk_costs_that_chunk_alone(tmp_path):
+def test_a_damaged_chunk_costs_that_chunk_alone(tmp_path) -> None:
     log = make_log(4000)
     write_mcap(log, tmp_path / "a.mcap", start_ns=START_NS)
     data = bytearray((tmp_path / "a.mcap").read_bytes())
@@ -237,7 +237,7 @@ def test_a_damaged_chunk_costs_that_chunk_alone(tmp_path):
     assert f"spanned {begin:.3f} to {end:.3f} s" in finding
 
 
-def test_no_change_of_a_byte_brings_a_traceback(tmp_path):
+def test_no_change_of_a_byte_brings_a_traceback(tmp_path) -> None:
     """300 mutations: a log, or a LogError of one line."""
     write_mcap(make_log(600), tmp_path / "a.mcap", {"robot.toml": b"x = 1"})
     data = (tmp_path / "a.mcap").read_bytes()
@@ -262,7 +262,7 @@ def test_no_change_of_a_byte_brings_a_traceback(tmp_path):
     assert all(text.isprintable() for text in messages)
 
 
-def test_a_file_without_joint_states_lists_its_topics(tmp_path):
+def test_a_file_without_joint_states_lists_its_topics(tmp_path) -> None:
     write_payloads(tmp_path / "a.mcap", [("/imu", 5, b"\0\1\0\0")], type_name="sensor_msgs/msg/Imu")
     with pytest.raises(LogError, match=r"no sensor_msgs/msg/JointState .* its topics: /imu \(sensor_msgs/msg/Imu\)"):
         read_mcap(tmp_path / "a.mcap")

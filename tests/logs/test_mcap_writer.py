@@ -26,7 +26,7 @@ from identify.logs.mcap_writer import DEFAULT_START_NS, write_mcap
 
 
 @pytest.mark.parametrize(("velocity", "effort"), [(True, True), (False, True), (True, False), (False, False)])
-def test_other_tools_read_the_same_values(tmp_path, velocity, effort):
+def test_other_tools_read_the_same_values(tmp_path, velocity, effort) -> None:
     log = make_log(velocity=velocity, effort=effort)
     write_mcap(log, tmp_path / "a.mcap", {"robot.toml": b"name = 'x'", "note.bin": b"\0\1"}, start_ns=START_NS)
     with open(tmp_path / "a.mcap", "rb") as stream:
@@ -60,7 +60,7 @@ def test_other_tools_read_the_same_values(tmp_path, velocity, effort):
         assert same(got, np.zeros((log.samples, 0)) if values is None else values)
 
 
-def test_chunks_lose_less_than_half_a_second_and_their_index_finds_any_time(tmp_path):
+def test_chunks_lose_less_than_half_a_second_and_their_index_finds_any_time(tmp_path) -> None:
     log = make_log(3000, tuple(f"joint_{j}" for j in range(1, 7)))
     write_mcap(log, tmp_path / "a.mcap", start_ns=START_NS)
     with open(tmp_path / "a.mcap", "rb") as stream:
@@ -73,7 +73,7 @@ def test_chunks_lose_less_than_half_a_second_and_their_index_finds_any_time(tmp_
     assert part == list(range(begin, end, 1_000_000))
 
 
-def test_every_index_points_at_what_it_says(tmp_path):
+def test_every_index_points_at_what_it_says(tmp_path) -> None:
     """Offsets, lengths and checksums, followed with the record classes of the mcap package."""
     log = make_log(1200)
     write_mcap(log, tmp_path / "a.mcap", {"robot.toml": b"x = 1"}, start_ns=START_NS)
@@ -128,7 +128,7 @@ def test_every_index_points_at_what_it_says(tmp_path):
     stamp=st.integers(0, 2**31 * 10**9 - 1),
     data=st.data(),
 )
-def test_a_message_is_what_another_encoder_makes_of_it(joints, velocity, effort, stamp, data):
+def test_a_message_is_what_another_encoder_makes_of_it(joints, velocity, effort, stamp, data) -> None:
     """The alignment of CDR, for names of every length: against the encoder of mcap-ros2-support."""
     numbers = st.lists(st.floats(width=64), min_size=len(joints), max_size=len(joints))
     rows = [np.array([data.draw(numbers)]) for _ in range(3)]
@@ -148,7 +148,7 @@ def test_a_message_is_what_another_encoder_makes_of_it(joints, velocity, effort,
     values=st.lists(st.lists(st.floats(width=64), min_size=3, max_size=3), min_size=1, max_size=20),
     nanoseconds=st.lists(st.integers(0, 10**15), min_size=20, max_size=20, unique=True).map(sorted),
 )
-def test_a_round_trip_keeps_every_bit(tmp_path_factory, values, nanoseconds):
+def test_a_round_trip_keeps_every_bit(tmp_path_factory, values, nanoseconds) -> None:
     path = tmp_path_factory.getbasetemp() / "bits.mcap"
     position = np.array(values)
     time = (np.array(nanoseconds[: len(values)]) - nanoseconds[0]) / 1e9
@@ -162,7 +162,7 @@ def test_a_round_trip_keeps_every_bit(tmp_path_factory, values, nanoseconds):
         assert same(getattr(back, name), getattr(log, name))
 
 
-def test_the_same_log_makes_the_same_bytes_and_keeps_its_start(tmp_path):
+def test_the_same_log_makes_the_same_bytes_and_keeps_its_start(tmp_path) -> None:
     log = make_log()
     write_mcap(log, tmp_path / "a.mcap")
     write_mcap(log, tmp_path / "b.mcap")
@@ -174,7 +174,7 @@ def test_the_same_log_makes_the_same_bytes_and_keeps_its_start(tmp_path):
     assert first == (tmp_path / "c.mcap").read_bytes()
 
 
-def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
+def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path) -> None:
     path = tmp_path / "a.mcap"
     path.write_bytes(b"old")
     with pytest.raises(TypeError):
@@ -191,14 +191,14 @@ def test_a_failure_leaves_the_old_file_and_nothing_else(tmp_path):
         ("a.mcap", 2**31 * 10**9 - 5, "do not fit a ROS 2 stamp"),
     ],
 )
-def test_where_it_can_not_write_it_says_why(tmp_path, target, start, words):
+def test_where_it_can_not_write_it_says_why(tmp_path, target, start, words) -> None:
     with pytest.raises(OutputError, match=words) as caught:
         write_mcap(make_log(), tmp_path / target, start_ns=start)
     assert "\n" not in str(caught.value)
     assert not [entry for entry in tmp_path.iterdir() if entry.is_file()]
 
 
-def test_a_log_without_samples_is_not_written(tmp_path):
+def test_a_log_without_samples_is_not_written(tmp_path) -> None:
     empty = Log(np.empty(0), np.empty((0, 4)), None, None, NAMES)
     with pytest.raises(OutputError, match="no samples"):
         write_mcap(empty, tmp_path / "a.mcap")

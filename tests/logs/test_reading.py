@@ -29,7 +29,7 @@ def refusal(path, **options) -> str:
     return text
 
 
-def test_every_kind_of_bad_file_has_its_message(tmp_path):
+def test_every_kind_of_bad_file_has_its_message(tmp_path) -> None:
     assert "there is no such file" in refusal(tmp_path / "none.mcap")
     assert "is a folder; for a folder of tables, pass --map" in refusal(tmp_path)
     for name in ("a.mcap", "a.csv", "a.npz"):
@@ -61,7 +61,7 @@ def test_every_kind_of_bad_file_has_its_message(tmp_path):
     assert "is a folder; name the file in it: bag_0.mcap" in refusal(folder)
 
 
-def test_reading_is_the_public_name_and_knows_its_file(tmp_path):
+def test_reading_is_the_public_name_and_knows_its_file(tmp_path) -> None:
     make_log().save(tmp_path / "a.mcap", attachments={"robot.toml": b"x"})
     log = identify.read_log(tmp_path / "a.mcap", joints=["w4", "β"])
     assert (log.joints, log.source, len(log.sha256)) == (("w4", "β"), str(tmp_path / "a.mcap"), 64)
@@ -69,13 +69,13 @@ def test_reading_is_the_public_name_and_knows_its_file(tmp_path):
     assert same(log.effort, make_log().effort[:, [3, 1]])
 
 
-def test_an_mcap_is_known_by_its_content(tmp_path):
+def test_an_mcap_is_known_by_its_content(tmp_path) -> None:
     make_log().save(tmp_path / "a.mcap")
     (tmp_path / "a.mcap").rename(tmp_path / "recording")
     assert read_log(tmp_path / "recording").samples == make_log().samples
 
 
-def test_nothing_is_overwritten_unasked(tmp_path):
+def test_nothing_is_overwritten_unasked(tmp_path) -> None:
     for name in ("a.mcap", "a.csv"):
         make_log().save(tmp_path / name)
         before = (tmp_path / name).read_bytes()
@@ -93,7 +93,7 @@ def test_nothing_is_overwritten_unasked(tmp_path):
 
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
-def test_unusable_rows_are_dropped_and_counted(data):
+def test_unusable_rows_are_dropped_and_counted(data) -> None:
     log = make_log(200)
     rows = data.draw(st.sets(st.integers(0, 199), max_size=10))
     time, position, effort = log.time.copy(), log.position.copy(), log.effort.copy()
@@ -113,7 +113,7 @@ def test_unusable_rows_are_dropped_and_counted(data):
     assert list(cleaned.findings) == expected * bool(rows)
 
 
-def test_a_log_has_one_clock_whether_or_not_its_effort_is_read(tmp_path):
+def test_a_log_has_one_clock_whether_or_not_its_effort_is_read(tmp_path) -> None:
     log = make_log(200)
     effort = log.effort.copy()
     effort[:4, 1] = np.nan
@@ -129,7 +129,7 @@ def test_a_log_has_one_clock_whether_or_not_its_effort_is_read(tmp_path):
         assert same(with_effort.position, without.position[4:])
 
 
-def test_effort_that_is_not_read_may_be_missing_or_anything(tmp_path):
+def test_effort_that_is_not_read_may_be_missing_or_anything(tmp_path) -> None:
     log = make_log(300, ("a", "b"))
     table = np.column_stack([log.time, log.position]).tolist()
     entries = {
@@ -154,7 +154,7 @@ def test_effort_that_is_not_read_may_be_missing_or_anything(tmp_path):
     assert odd.effort is None
 
 
-def test_too_many_nan_are_refused_with_their_share_and_column():
+def test_too_many_nan_are_refused_with_their_share_and_column() -> None:
     log = make_log(200)
     effort = log.effort.copy()
     effort[20:31, 2] = np.nan
@@ -164,7 +164,7 @@ def test_too_many_nan_are_refused_with_their_share_and_column():
         clean(replace(log, position=np.full_like(log.position, np.nan)))
 
 
-def test_a_channel_of_nan_counts_as_absent():
+def test_a_channel_of_nan_counts_as_absent() -> None:
     log = make_log(200)
     nothing = np.full_like(log.effort, np.nan)
     cleaned = clean(replace(log, effort=nothing, velocity=nothing))
@@ -179,7 +179,7 @@ def test_a_channel_of_nan_counts_as_absent():
     assert cleaned.samples == 200
 
 
-def test_a_wanted_joint_without_a_position_is_refused_and_one_that_is_not_wanted_is_no_matter(tmp_path):
+def test_a_wanted_joint_without_a_position_is_refused_and_one_that_is_not_wanted_is_no_matter(tmp_path) -> None:
     log = make_log(300)
     position = log.position.copy()
     position[:, 2] = np.nan
@@ -189,7 +189,7 @@ def test_a_wanted_joint_without_a_position_is_refused_and_one_that_is_not_wanted
     assert read_log(tmp_path / "a.mcap", joints=["w4", "β"]).samples == 300
 
 
-def test_gaps_in_velocity_are_filled_from_position():
+def test_gaps_in_velocity_are_filled_from_position() -> None:
     log = make_log(200, ("a", "b"))
     time = log.time
     smooth = replace(log, position=np.column_stack([np.sin(3 * time), time**2]), velocity=None)
@@ -206,7 +206,7 @@ def test_gaps_in_velocity_are_filled_from_position():
     assert "all of it is derived from position" in cleaned.findings[0]
 
 
-def test_time_runs_forward_afterwards():
+def test_time_runs_forward_afterwards() -> None:
     log = make_log(400)
     time = log.time.copy()
     time[50] = time[49]
@@ -224,7 +224,7 @@ def test_time_runs_forward_afterwards():
     )
 
 
-def test_a_clock_that_starts_anew_is_refused():
+def test_a_clock_that_starts_anew_is_refused() -> None:
     log = make_log(400)
     time = np.concatenate([log.time[:200], log.time[:200]])
     with pytest.raises(LogError, match=r"time runs backward in \d+\.\d % of the rows, first by 0\.199 s after row 199"):
@@ -233,7 +233,7 @@ def test_a_clock_that_starts_anew_is_refused():
 
 @settings(max_examples=50, deadline=None)
 @given(steps=st.lists(st.sampled_from([1, 1, 1, 1, 1, 1, 1, 1, 0, -1, -30, 50]), min_size=40, max_size=40))
-def test_whatever_the_clock_does_time_increases_or_the_log_is_refused(steps):
+def test_whatever_the_clock_does_time_increases_or_the_log_is_refused(steps) -> None:
     log = make_log(41)
     time = np.concatenate([[0], np.cumsum(steps)]) / 1000
     try:
@@ -246,7 +246,7 @@ def test_whatever_the_clock_does_time_increases_or_the_log_is_refused(steps):
     assert cleaned.dropped == 41 - cleaned.samples
 
 
-def test_a_window_counts_anew_and_the_absolute_time_moves_along(tmp_path):
+def test_a_window_counts_anew_and_the_absolute_time_moves_along(tmp_path) -> None:
     make_log(1000).save(tmp_path / "a.mcap")
     log = read_log(tmp_path / "a.mcap")
     part = window(log, 0.25, 0.75)

@@ -40,7 +40,7 @@ def chunks_of(path: Path) -> list:
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
-def test_every_message_of_a_cut_file_is_saved_with_its_neighbours(tmp_path, compression):
+def test_every_message_of_a_cut_file_is_saved_with_its_neighbours(tmp_path: Path, compression) -> None:
     """Two topics, cut in the middle: what others read of the recovered file is what the whole one's chunks held."""
     log, other = make_log(1500), make_log(1500, ("finger",))
     messages = []
@@ -70,7 +70,7 @@ def test_every_message_of_a_cut_file_is_saved_with_its_neighbours(tmp_path, comp
     assert again.messages == found.messages
 
 
-def test_a_recovered_file_keeps_attachments_provenance_and_every_bit(tmp_path):
+def test_a_recovered_file_keeps_attachments_provenance_and_every_bit(tmp_path: Path) -> None:
     log = make_log(3000)
     write_mcap(log, tmp_path / "a.mcap", {"robot.toml": b"x = 1"}, start_ns=START_NS)
     data = (tmp_path / "a.mcap").read_bytes()
@@ -91,7 +91,7 @@ def test_a_recovered_file_keeps_attachments_provenance_and_every_bit(tmp_path):
         assert [(a.name, a.media_type) for a in reader.iter_attachments()] == [("robot.toml", "application/toml")]
 
 
-def test_messages_outside_of_chunks_are_saved(tmp_path):
+def test_messages_outside_of_chunks_are_saved(tmp_path: Path) -> None:
     log = make_log(200)
     stamps = [START_NS + k * STEP for k in range(200)]
     payloads = [("/joint_states", when, payload_by_others(message(log, k, when))) for k, when in enumerate(stamps)]
@@ -103,7 +103,7 @@ def test_messages_outside_of_chunks_are_saved(tmp_path):
     assert same(np.array([content.effort for *_, content in saved]), log.effort[: found.messages])
 
 
-def test_a_length_gone_wrong_costs_its_chunk_alone(tmp_path):
+def test_a_length_gone_wrong_costs_its_chunk_alone(tmp_path: Path) -> None:
     """A length that claims more or less than there is: the next chunk is found by its own."""
     log = make_log(4000)
     write_mcap(log, tmp_path / "a.mcap", start_ns=START_NS)
@@ -124,7 +124,7 @@ def test_a_length_gone_wrong_costs_its_chunk_alone(tmp_path):
 
 
 @pytest.mark.parametrize("opcode", [0, 1, 2, 3, 4, 5, 7, 8, 9, 11, 12, 15, 0x46, 0x86])
-def test_a_chunk_that_is_not_marked_as_one_is_missed(tmp_path, opcode):
+def test_a_chunk_that_is_not_marked_as_one_is_missed(tmp_path: Path, opcode) -> None:
     log = make_log(2500)
     write_mcap(log, tmp_path / "a.mcap", start_ns=START_NS)
     chunk = chunks_of(tmp_path / "a.mcap")[2]
@@ -141,7 +141,7 @@ def test_a_chunk_that_is_not_marked_as_one_is_missed(tmp_path, opcode):
     )
 
 
-def test_a_lost_first_chunk_takes_no_definitions_with_it(tmp_path):
+def test_a_lost_first_chunk_takes_no_definitions_with_it(tmp_path: Path) -> None:
     """Other writers describe a channel in its first chunk alone, and again in the index."""
     log = make_log(900)
     messages = [("/joint_states", START_NS + k * STEP, message(log, k, START_NS + k * STEP)) for k in range(900)]
@@ -162,7 +162,7 @@ def test_a_lost_first_chunk_takes_no_definitions_with_it(tmp_path):
     assert not list(tmp_path.glob("d.mcap*"))
 
 
-def test_what_can_not_be_recovered_is_refused(tmp_path):
+def test_what_can_not_be_recovered_is_refused(tmp_path: Path) -> None:
     write_mcap(make_log(), tmp_path / "a.mcap")
     (tmp_path / "stub.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:300])
     (tmp_path / "table.csv").write_text("t,q1\n0,1\n")
@@ -177,7 +177,7 @@ def test_what_can_not_be_recovered_is_refused(tmp_path):
         assert not list(tmp_path.glob("out*"))
 
 
-def test_a_recorder_writes_the_same_file_however_its_samples_come(tmp_path):
+def test_a_recorder_writes_the_same_file_however_its_samples_come(tmp_path: Path) -> None:
     log = make_log(2600)
     write_mcap(log, tmp_path / "whole.mcap", {"a.toml": b""}, START_NS)
     rng = np.random.default_rng(5)
@@ -194,7 +194,7 @@ def test_a_recorder_writes_the_same_file_however_its_samples_come(tmp_path):
         assert (tmp_path / name).read_bytes() == (tmp_path / "whole.mcap").read_bytes()
 
 
-def test_slow_recordings_lose_no_more_than_half_a_second_either(tmp_path):
+def test_slow_recordings_lose_no_more_than_half_a_second_either(tmp_path: Path) -> None:
     log = make_log(3000)
     write_mcap(log.__class__(log.time * 50, log.position, None, None, NAMES), tmp_path / "a.mcap", start_ns=START_NS)
     assert all(chunk.message_end_time - chunk.message_start_time < 0.5e9 for chunk in chunks_of(tmp_path / "a.mcap"))
@@ -225,7 +225,7 @@ def killed_writer(path: Path, samples: int) -> int:
         return max([written, *(int(word) for word in writer.stdout.read().split())])
 
 
-def test_a_writer_that_is_killed_leaves_all_but_half_a_second_and_the_old_file(tmp_path):
+def test_a_writer_that_is_killed_leaves_all_but_half_a_second_and_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     write_mcap(make_log(), path)
     old = path.read_bytes()
@@ -247,7 +247,7 @@ def test_a_writer_that_is_killed_leaves_all_but_half_a_second_and_the_old_file(t
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["run.mcap", "saved.mcap"]
 
 
-def test_two_writers_of_one_file_do_not_meet(tmp_path):
+def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with recording(path, ("a",), ()) as recorder:
         recorder.append(np.zeros(1), np.ones((1, 1)))
@@ -258,7 +258,7 @@ def test_two_writers_of_one_file_do_not_meet(tmp_path):
     assert [entry.name for entry in tmp_path.iterdir()] == ["run.mcap"]
 
 
-def test_a_partial_file_is_no_working_file_of_what_is_made_of_it(tmp_path):
+def test_a_partial_file_is_no_working_file_of_what_is_made_of_it(tmp_path: Path) -> None:
     """Recovered or imported under the name it was to have, it stays as it was."""
     path = tmp_path / "run.mcap"
     write_mcap(make_log(3000), path)
@@ -284,7 +284,7 @@ def mismatched(path: Path) -> None:
         recorder.append(np.zeros(1), np.ones((1, 2)))
 
 
-def test_an_error_while_recording_leaves_nothing(tmp_path):
+def test_an_error_while_recording_leaves_nothing(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     with pytest.raises(KeyboardInterrupt):
         interrupted(path)

@@ -36,7 +36,7 @@ def numbers(count, width=4):
 
 @pytest.mark.parametrize("join", [",", "\t", ";", " ", "  ", ", "])
 @pytest.mark.parametrize("header", ["q1,q2,i1,i2", None, "# made on a Monday\n# q1,q2,i1,i2", '"q1","q2","i1","i2"'])
-def test_delimiters_and_headers(tmp_path, join, header):
+def test_delimiters_and_headers(tmp_path, join, header) -> None:
     values = numbers(300)
     columns = {} if header else {"position": {"columns": [0, 1]}, "effort": {"columns": [2, 3]}}
     written = header.replace(",", join) if header else None
@@ -48,12 +48,12 @@ def test_delimiters_and_headers(tmp_path, join, header):
     assert (log.joints, log.findings, log.velocity) == (("a", "b"), (), None)
 
 
-def test_decimal_commas(tmp_path):
+def test_decimal_commas(tmp_path) -> None:
     (tmp_path / "a.csv").write_text("q1;q2;i1;i2\n1,5;-2,25;3;4,125\n2,5;-1,25;3;4\n")
     assert read_table(tmp_path / "a.csv", parse_map(TWO)).position.tolist() == [[1.5, -2.25], [2.5, -1.25]]
 
 
-def test_units_gains_offsets_and_the_transmission(tmp_path):
+def test_units_gains_offsets_and_the_transmission(tmp_path) -> None:
     """q = K⁻¹ m + offset, Γ = Kᵀ (gain · i), written out number by number with a K that is not symmetric."""
     raw = numbers(40, 7)
     mapping = {
@@ -83,7 +83,7 @@ def test_units_gains_offsets_and_the_transmission(tmp_path):
     assert math.isclose((np.gradient(log.position, axis=0) * log.effort).sum(), power, rel_tol=1e-12)
 
 
-def test_a_unit_for_each_joint(tmp_path):
+def test_a_unit_for_each_joint(tmp_path) -> None:
     table(tmp_path / "a.csv", [[90, 0.5, 1, 2]] * 3)
     mapping = {**TWO, "position": {"columns": ["q1", "q2"], "unit": ["deg", "m"]}}
     assert read_table(tmp_path / "a.csv", parse_map(mapping)).position[0].tolist() == [math.pi / 2, 0.5]
@@ -108,7 +108,7 @@ NO_EFFORT = ("1,2,-3e9,4", "1,2,nan,4")
 
 @settings(max_examples=40, deadline=None)
 @given(bad=st.dictionaries(st.integers(0, 399), st.sampled_from(sorted(BAD_ROWS)), max_size=20))
-def test_bad_rows_go_and_leave_the_time_of_the_others(tmp_path_factory, bad):
+def test_bad_rows_go_and_leave_the_time_of_the_others(tmp_path_factory, bad) -> None:
     path = tmp_path_factory.getbasetemp() / "bad.csv"
     values = numbers(400)
     lines = [bad.get(k, ",".join(map(repr, row))) for k, row in enumerate(values.tolist())]
@@ -128,7 +128,7 @@ def test_bad_rows_go_and_leave_the_time_of_the_others(tmp_path_factory, bad):
 
 
 @pytest.mark.parametrize("last", ["1.0,2.0,3.", "1.0,2.0,3.0,4.5e", "1"])
-def test_a_last_line_cut_short_is_left_out(tmp_path, last):
+def test_a_last_line_cut_short_is_left_out(tmp_path, last) -> None:
     values = numbers(40)
     table(tmp_path / "a.csv", values.tolist(), end="\n" + last)
     log = read_log(tmp_path / "a.csv", parse_map(TWO))
@@ -136,7 +136,7 @@ def test_a_last_line_cut_short_is_left_out(tmp_path, last):
     assert log.findings == ("a.csv: 1 row cut at the end of the file not used",)
 
 
-def test_columns_that_are_not_asked_for_may_hold_words(tmp_path):
+def test_columns_that_are_not_asked_for_may_hold_words(tmp_path) -> None:
     values = numbers(20)
     table(tmp_path / "a.csv", [[*row, "auto"] for row in values.tolist()], "q1,q2,i1,i2,mode")
     assert same(read_log(tmp_path / "a.csv", parse_map(TWO)).position, values[:, :2])
@@ -152,20 +152,20 @@ def test_columns_that_are_not_asked_for_may_hold_words(tmp_path):
         (None, 3, "has 3 columns and no header"),
     ],
 )
-def test_a_table_of_another_width(tmp_path, header, width, words):
+def test_a_table_of_another_width(tmp_path, header, width, words) -> None:
     table(tmp_path / "a.csv", numbers(30, width).tolist(), header)
     with pytest.raises(LogError, match=words):
         read_log(tmp_path / "a.csv", parse_map(TWO))
 
 
-def test_a_headerless_table_with_too_few_columns(tmp_path):
+def test_a_headerless_table_with_too_few_columns(tmp_path) -> None:
     table(tmp_path / "a.csv", numbers(30, 3).tolist(), None)
     mapping = {**TWO, "position": {"columns": [0, 1]}, "effort": {"columns": [2, 3]}}
     with pytest.raises(LogError, match="has 3 columns, numbered from 0, and the map asks for column 3"):
         read_log(tmp_path / "a.csv", parse_map(mapping))
 
 
-def test_signals_in_files_of_their_own(tmp_path):
+def test_signals_in_files_of_their_own(tmp_path) -> None:
     values = numbers(100)
     table(tmp_path / "p.csv", values[:, :2].tolist(), "x,y")
     table(tmp_path / "t.tsv", values[:98, 2:].tolist(), "x,y".replace(",", "\t"), "\t")
@@ -192,7 +192,7 @@ def test_signals_in_files_of_their_own(tmp_path):
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_npz(tmp_path, whole):
+def test_npz(tmp_path, whole) -> None:
     values = numbers(60)
     if whole:
         np.savez_compressed(tmp_path / "a.npz", q=values[:, :2], i=values[:, 2:].astype(np.float32))
@@ -209,7 +209,7 @@ def test_npz(tmp_path, whole):
         read_log(tmp_path / "a.npz")
 
 
-def test_npz_with_objects_or_of_other_shapes_is_refused(tmp_path):
+def test_npz_with_objects_or_of_other_shapes_is_refused(tmp_path) -> None:
     q = {"columns": ["q"]}
     mapping = parse_map({**TWO, "position": q, "effort": {"columns": ["i"]}})
     np.savez(tmp_path / "a.npz", q=np.array([{}, {}]), i=np.ones((2, 2)), allow_pickle=True)
@@ -228,7 +228,7 @@ def test_npz_with_objects_or_of_other_shapes_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(("velocity", "effort"), [(True, True), (False, True), (False, False)])
-def test_our_own_csv_needs_no_map_and_keeps_every_bit(tmp_path, velocity, effort):
+def test_our_own_csv_needs_no_map_and_keeps_every_bit(tmp_path, velocity, effort) -> None:
     log = make_log(200, velocity=velocity, effort=effort)
     log.save(tmp_path / "a.csv")
     lines = (tmp_path / "a.csv").read_text().splitlines()
@@ -246,7 +246,7 @@ def test_our_own_csv_needs_no_map_and_keeps_every_bit(tmp_path, velocity, effort
 
 
 @pytest.mark.parametrize("header", ["q1,q2,tau1,tau2", "t,q1,tau2", "t,q1,q2,tau1", "time,q1,tau1", "t,q2,tau2"])
-def test_another_csv_without_a_map_asks_for_one(tmp_path, header):
+def test_another_csv_without_a_map_asks_for_one(tmp_path, header) -> None:
     table(tmp_path / "a.csv", numbers(10, len(header.split(","))).tolist(), header)
     with pytest.raises(LogError, match=r"a\.csv: a table needs a map .*; pass --map MAP.toml with, say: rate_hz"):
         read_log(tmp_path / "a.csv")
@@ -284,7 +284,7 @@ def test_another_csv_without_a_map_asks_for_one(tmp_path, header):
         ({"offset": [1.0, "2"]}, "offset must be a list of 2 finite numbers"),
     ],
 )
-def test_a_map_that_says_nothing_sensible(change, words):
+def test_a_map_that_says_nothing_sensible(change, words) -> None:
     entries = {key: value for key, value in {**TWO, **change}.items() if value is not None}
     with pytest.raises(LogError, match=words) as caught:
         parse_map(entries, "map.toml")
@@ -292,7 +292,7 @@ def test_a_map_that_says_nothing_sensible(change, words):
     assert "\n" not in str(caught.value)
 
 
-def test_a_map_that_is_no_toml_or_not_there(tmp_path):
+def test_a_map_that_is_no_toml_or_not_there(tmp_path) -> None:
     (tmp_path / "bad.toml").write_text("rate_hz = = 5")
     with pytest.raises(LogError, match=r"bad\.toml: the map is not valid TOML"):
         load_map(tmp_path / "bad.toml")
@@ -302,7 +302,7 @@ def test_a_map_that_is_no_toml_or_not_there(tmp_path):
         load_map(tmp_path)
 
 
-def test_no_change_of_a_byte_brings_a_traceback(tmp_path):
+def test_no_change_of_a_byte_brings_a_traceback(tmp_path) -> None:
     """300 mutations of a table: a log, or a LogError of one printable line."""
     table(tmp_path / "a.csv", numbers(60).tolist())
     data = (tmp_path / "a.csv").read_bytes()

@@ -24,7 +24,7 @@ def swing(samples: int = 4000, rate: float = 1000.0, rest: int = 1000) -> Log:
     return Log(time, position, None, effort, ("a", "b"), source="swing")
 
 
-def test_facts_of_a_known_motion():
+def test_facts_of_a_known_motion() -> None:
     found = inspect(swing())
     a, b = found.joints
     assert (found.samples, found.gaps, found.has_velocity, found.has_effort) == (4000, 0, False, True)
@@ -46,7 +46,7 @@ def test_facts_of_a_known_motion():
     require_identifiable(swing())
 
 
-def test_text_and_json():
+def test_text_and_json() -> None:
     found = inspect(swing())
     text = found.summary()
     assert "swing: 4,000 samples, 3.999 s, 1000.0 Hz" in text
@@ -60,7 +60,7 @@ def test_text_and_json():
     assert json.loads(json.dumps(inspect(empty).as_dict(), allow_nan=False))["joints"][0]["position_min"] is None
 
 
-def test_gaps_and_uneven_sampling_are_found():
+def test_gaps_and_uneven_sampling_are_found() -> None:
     log = swing()
     gap = replace(log, time=log.time + 0.3 * (np.arange(4000) > 1234))
     (found,) = inspect(gap).findings
@@ -73,7 +73,7 @@ def test_gaps_and_uneven_sampling_are_found():
     assert inspect(late).jitter == pytest.approx(3)
 
 
-def test_limits_tell_wrong_units():
+def test_limits_tell_wrong_units() -> None:
     limits = {"a": Limits((-1, 1), 3.0, 10.0, 10.0), "b": Limits((-1, 1), 3.0, 10.0, 10.0)}
     (position, speed, effort) = (finding.text for finding in inspect(swing(), limits).findings)
     assert position.startswith("b goes from 0.000 to 2.500, beyond its limits -1 and 1")
@@ -81,7 +81,7 @@ def test_limits_tell_wrong_units():
     assert effort.startswith("b shows an effort of 20.000, beyond its limit 10")
 
 
-def test_a_joint_that_rests_is_a_finding_and_no_refusal():
+def test_a_joint_that_rests_is_a_finding_and_no_refusal() -> None:
     log = swing()
     log = replace(log, position=log.position * [0.009, 1.0], effort=log.effort * [0.0, 1.0])
     (found,) = inspect(log).findings
@@ -92,7 +92,7 @@ def test_a_joint_that_rests_is_a_finding_and_no_refusal():
         require_identifiable(log, ["a"])
 
 
-def test_a_velocity_that_never_changes_is_found():
+def test_a_velocity_that_never_changes_is_found() -> None:
     (found,) = inspect(replace(swing(), velocity=np.zeros((4000, 2)))).findings
     assert found.text == "the velocity of a, b never changes though the joint moves"
 
@@ -110,7 +110,7 @@ def test_a_velocity_that_never_changes_is_found():
         (lambda log: replace(cut(log, 0, 150), effort=None), ["too short: 150 samples", "static", "no effort"]),
     ],
 )
-def test_what_can_not_support_a_result_is_refused_with_every_reason(change, reasons):
+def test_what_can_not_support_a_result_is_refused_with_every_reason(change, reasons) -> None:
     with pytest.raises(UnsupportedLogError) as caught:
         require_identifiable(change(swing()))
     assert caught.value.exit_status == 1

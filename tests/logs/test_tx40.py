@@ -21,14 +21,14 @@ def log():
     return read_log(DATA, REPOSITORY / "datasets" / "tx40.toml")
 
 
-def test_shape_and_rate(log):
+def test_shape_and_rate(log) -> None:
     assert log.position.shape == log.effort.shape == (45_000, 6)
     assert log.rate_hz == pytest.approx(5000)
     assert log.joints == tuple(f"joint_{j}" for j in range(1, 7))
     assert (log.velocity, log.findings, log.dropped) == (None, (), 0)
 
 
-def test_positions_and_torques_are_those_of_the_joints(log):
+def test_positions_and_torques_are_those_of_the_joints(log) -> None:
     """Axes 1 to 5 by their ratios; axis 6 is driven through axis 5: m6 = 32 q5 + 32 q6, so Γ5 gains 32 Γm6."""
     motor = np.genfromtxt(DATA / "motor_position.csv", delimiter=",", skip_header=1)
     torque = np.genfromtxt(DATA / "motor_torque.csv", delimiter=",", skip_header=1)
@@ -44,7 +44,7 @@ def test_positions_and_torques_are_those_of_the_joints(log):
     np.testing.assert_allclose(log.effort, effort, rtol=1e-13, atol=1e-13)
 
 
-def test_triage_agrees_with_what_is_known_of_it(log):
+def test_triage_agrees_with_what_is_known_of_it(log) -> None:
     """Counts from the data's README: 4,133 repeated rows, 1.5 s at rest at the end."""
     found = inspect(log)
     motor = np.genfromtxt(DATA / "motor_position.csv", delimiter=",", skip_header=1)

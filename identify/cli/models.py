@@ -46,7 +46,7 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
     found = symbolic_model(robot, options.what, options.parameters)
     if not found.expressions and options.format in ("python", "c"):
-        raise InputError(f"{robot.name}: {options.what}: {found.notes[0]}; there is no formula to print")
+        raise InputError(f"{robot.name}: {options.what}: no formula to print: {found.notes[-1]}")
     print(render(found, options.format), end="")
     return 0
 

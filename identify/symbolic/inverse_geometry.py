@@ -101,10 +101,12 @@ def inverse_geometries(
         raise InputError(f"{robot.name}: current has shape {now.shape}; give one position for each of {robot.n} joints")
     now = np.broadcast_to(now, (len(poses), robot.n))
     fixed = dict(fixed or {})
-    if robot.n - len(fixed) > 6:
+    missing = robot.n - len(fixed) - 6
+    if missing > 0:
         raise InputError(
-            f"{robot.name}: {robot.n} joints for six coordinates leave {robot.n - len(fixed) - 6} relation(s) missing; "
-            "fix as many joints (fixed = {index: position}) or use inverse kinematics with an optimisation term"
+            f"{robot.name}: {robot.n} joints for six coordinates leave {missing} relation{'s' * (missing > 1)} missing;"
+            " hold as many joints still (fixed = {index: position}, --joints NAME=POSITION) or use inverse kinematics"
+            " with an optimisation term"
         )
     if not fixed:
         return _solve(robot, poses, now)

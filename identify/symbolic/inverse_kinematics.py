@@ -14,7 +14,7 @@ import numpy as np
 from identify.errors import InputError
 from identify.robot.robot import Robot
 from identify.symbolic.geometry import letters, positions, serial, transform
-from identify.symbolic.jacobian import jacobian, largest_rank, shorter, symbolic_matrix
+from identify.symbolic.jacobian import checked_frame, jacobian, largest_rank, shorter, symbolic_matrix
 from identify.symbolic.model import SymbolicModel
 from identify.symbolic.trigonometry import Algebra, algebra
 
@@ -128,16 +128,17 @@ def toward_manipulability(robot: Robot, step: float = 1e-6) -> Callable[[np.ndar
 def symbolic_inverse_kinematics(robot: Robot, frame: int | None = None) -> SymbolicModel:
     """ⁱJ_n⁻¹ as entries K11 … K66 in joint variables: by blocks [2.37] where ⁱJ_n has the form [2.36].
 
-    Where it has not, and for n ≠ 6, the entries of ⁱJ_n⁻¹ would fill pages or do not exist: the model then holds
-    no expressions, and its notes say what to use instead. frame: the middle of the chain if not given.
+    InputError where it has not, and for n ≠ 6: the entries of ⁱJ_n⁻¹ would fill pages or do not exist. frame: the
+    middle of the chain if not given.
     """
     space = algebra(serial(robot))
     inputs = tuple(f"q{j + 1}" for j in range(robot.n))
     if robot.n != 6:
         what = "J+ with an optimisation term [2.40]" if robot.n > 6 else "J+ [2.38]"
-        note = f"J is 6 x {robot.n}: it has no inverse; joint_velocity gives numbers ({what})"
-        return SymbolicModel(robot.name, "inverse-kinematics", {}, inputs, letters(robot), (note,))
-    i = robot.n // 2 if frame is None else frame
+        raise InputError(
+            f"{robot.name}: J is 6 x {robot.n} and has no inverse to print; joint_velocity gives numbers ({what})"
+        )
+    i = robot.n // 2 if frame is None else checked_frame(robot, frame)
     for point in (6, 5, 4):
         core = symbolic_matrix(robot, i, point, space)
         if all(e == 0 for e in core[:3, 3:]) and _regular(space, core):
@@ -147,8 +148,10 @@ def symbolic_inverse_kinematics(robot: Robot, frame: int | None = None) -> Symbo
             note = f"inverse of the Jacobian of R6 in the axes of R{i}: by its blocks at O{point} [2.37]"
             notes = (note, "qdot = K [V; omega]; no entry exists where the determinant is zero: see jacobian")
             return SymbolicModel(robot.name, "inverse-kinematics", entries, inputs, letters(robot), notes)
-    note = "no point gives J the form [A 0; B C] [2.36] (no spherical wrist); joint_velocity inverts it numerically"
-    return SymbolicModel(robot.name, "inverse-kinematics", {}, inputs, letters(robot), (note,))
+    raise InputError(
+        f"{robot.name}: no inverse to print: no point gives J the form [A 0; B C] [2.36] (no spherical wrist); "
+        "joint_velocity inverts it numerically"
+    )
 
 
 def _shift(space: Algebra, robot: Robot, frame: int, point: int) -> sympy.Matrix:

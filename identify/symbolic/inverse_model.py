@@ -39,8 +39,8 @@ def symbolic_inverse_geometry(robot: Robot) -> SymbolicModel:
     """
     if robot.n > 6:
         raise InputError(
-            f"{robot.name}: {robot.n} joints for six coordinates leave {robot.n - 6} relation(s) missing; "
-            "Paul's method needs as many joints fixed"
+            f"{robot.name}: {robot.n} joints for six coordinates leave {_count(robot.n - 6, 'relation')} missing; "
+            "Paul's method needs as many joints held still: --joints NAME=POSITION"
         )
     found = plan(robot)
     expressions: dict[str, sympy.Expr] = {}
@@ -50,10 +50,19 @@ def symbolic_inverse_geometry(robot: Robot) -> SymbolicModel:
         own, given = _formulas(found, stage)
         expressions |= own
         inputs += given
+    used = _used(expressions)
+    if not used:
+        raise InputError(
+            f"{robot.name}: no formula to print: no known type of equation gives {_joints(found)}; "
+            "--pose, or inverse_geometry, searches solutions numerically"
+        )
+    if any(stage.step.type in (2, 10) for stage in found.stages):
+        notes.append(
+            "for regular poses within reach: undetermined angles come out as any value, and out of reach roots are not"
+            " real; the function of codegen keeps the current value, and --pose lists the solutions of a pose"
+        )
     notes += _limits_of_the_method(robot, found)
-    return SymbolicModel(
-        robot.name, "inverse-geometry", _used(expressions), tuple(inputs), letters(robot), tuple(notes)
-    )
+    return SymbolicModel(robot.name, "inverse-geometry", used, tuple(inputs), letters(robot), tuple(notes))
 
 
 def name_of(unknown: Unknown) -> str:
@@ -89,7 +98,7 @@ def _sentence(found: Plan, stage: Stage) -> str:
     text += f"; {solutions} solution{'s' if solutions > 1 else ''}"
     if step.type == 2:
         x, y = (_shown(found, step, k) for k in (0, 1))
-        return f"{text}; undetermined where {x} = {y} = 0: the current value is kept" if x and y else text
+        return f"{text}; undetermined where {x} = {y} = 0" if x and y else text
     return text
 
 
@@ -232,18 +241,27 @@ def _used(expressions: dict[str, sympy.Expr]) -> dict[str, sympy.Expr]:
     return dict(reversed(kept.items()))
 
 
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'s' * (number != 1)}"
+
+
+def _joints(found: Plan) -> str:
+    """The joints that no step gives: q1, q2."""
+    return ", ".join(f"q{j + 1}" for j in found.missing)
+
+
 def _limits_of_the_method(robot: Robot, found: Plan) -> list[str]:
     notes = []
     if not reliable(robot):
-        joints = ", ".join(f"q{j + 1}" for j in found.missing)
-        why = f"no known type of equation gives {joints}" if joints else "these formulas do not hold on trial"
+        missing = f"no known type of equation gives {_joints(found)}"
+        why = missing if found.missing else "these formulas do not hold on trial"
         notes.append(
             f"{why}: inverse_geometry searches numerically (damped Newton from many starts), and may miss solutions"
         )
     if robot.n < 6:
         listed = "; ".join(f"{compact(found, e.polynomial)} = 0" for e in found.conditions)
         notes.append(
-            f"{robot.n} joints for six coordinates: the pose must meet {6 - robot.n} conditions"
+            f"{_count(robot.n, 'joint')} for six coordinates: the pose must meet {_count(6 - robot.n, 'condition')}"
             + (f", among them {listed}" if listed else "")
             + "; where it does not there is no solution"
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -35,8 +36,7 @@ def jacobian(robot: Robot, q: np.ndarray, frame: int = 0, link: int | None = Non
     base, j the frame of joint j) [2.29]. Rows in m/s and rad/s per rad/s or m/s.
     """
     q = positions(robot, q)
-    if not 0 <= frame <= robot.n:
-        raise InputError(f"{robot.name}: there is no frame {frame}; frames are numbered 0 to {robot.n}")
+    checked_frame(robot, frame)
     all_frames = frames(robot, q)
     way = path(robot, link)
     tip = all_frames[:, way[-1], :3, 3] if way else np.zeros((len(q), 3))
@@ -52,6 +52,13 @@ def jacobian(robot: Robot, q: np.ndarray, frame: int = 0, link: int | None = Non
         back = np.swapaxes(all_frames[:, frame - 1, :3, :3], 1, 2)
         result[:, :3], result[:, 3:] = back @ result[:, :3], back @ result[:, 3:]
     return result
+
+
+def checked_frame(robot: Robot, frame: int) -> int:
+    """The number of a frame: 0 the base, j the frame of joint j. InputError if there is none of it."""
+    if not 0 <= frame <= robot.n:
+        raise InputError(f"{robot.name}: there is no frame {frame}; frames are numbered 0 to {robot.n}")
+    return frame
 
 
 def tool_jacobian(robot: Robot, q: np.ndarray) -> np.ndarray:
@@ -160,6 +167,7 @@ class Determinant:
 
     value: product of `factors` for a square Jacobian, None otherwise; full_rank: the largest rank of J; factored:
     False where the entries are too long for that, as those of arms with axes at any angle: then there are no factors.
+    never: one of those minors is a number, so that no configuration is singular.
     """
 
     value: sympy.Expr | None
@@ -167,6 +175,7 @@ class Determinant:
     full_rank: int
     singularities: tuple[Singularity, ...]
     factored: bool = True
+    never: bool = False
 
 
 @lru_cache(maxsize=16)
@@ -183,10 +192,11 @@ def determinant(robot: Robot) -> Determinant:
         key=lambda m: (sum(e != 0 for e in m), m.applyfunc(lambda e: e.count_ops()).norm(1)),
     )
     entries = [[space.polynomial(best[i, k]) for k in range(robot.n)] for i in range(6)]
-    common = space.ring.zero
+    common, never = space.ring.zero, False
     for rows in combinations(range(6), full):
         for columns in combinations(range(robot.n), full):
             minor = _minor(space, entries, rows, columns, {})
+            never = never or bool(minor and minor.is_ground)
             common = minor if not common else common.gcd(minor) if minor else common
     constant, powers = sympy.factor_list(space.expression(_separated(space, common)))
     factors = [factor for factor, power in powers for _ in range(power)]
@@ -197,6 +207,7 @@ def determinant(robot: Robot) -> Determinant:
         (constant, *(space.to_joint_variables(f) for f in factors)),
         full,
         tuple(_singularity(space, f) for f in moving),
+        never=never,
     )
 
 
@@ -300,6 +311,17 @@ def _rank_at(robot: Robot, j: int, values: Sequence[sympy.Expr]) -> int | None:
     return max(found) if found else None
 
 
+def _without_singularities(robot: Robot, found: Determinant) -> str:
+    """Why no singular configuration is listed."""
+    minors = math.comb(6, found.full_rank) * math.comb(robot.n, found.full_rank)
+    if minors == 1 or found.never:
+        return "no singular configuration: the rank is the same everywhere"
+    return (
+        f"no singular configuration listed: the rank falls where all minors of order {found.full_rank} are zero"
+        " together, and they share no factor to solve for; rank and manipulability give numbers"
+    )
+
+
 def symbolic_jacobian(robot: Robot, frame: int | None = None) -> SymbolicModel:
     """ⁱJ_n as entries J11 … J6n in joint variables; the frame in the middle of the chain if none is given."""
     frame = robot.n // 2 if frame is None else frame
@@ -322,6 +344,8 @@ def symbolic_jacobian(robot: Robot, frame: int | None = None) -> SymbolicModel:
             " or ".join(f"q{singular.joint + 1} = {v}" for v in singular.values) if singular.joint is not None else ""
         )
         notes.append(f"singular where {singular.factor} = 0" + (f": {where}" if where else ""))
+    if found.factored and not found.singularities:
+        notes.append(_without_singularities(robot, found))
     expressions = {name: space.to_joint_variables(matrix[i, k]) for name, (i, k) in names.items()}
     inputs = tuple(f"q{j + 1}" for j in range(robot.n))
     return SymbolicModel(robot.name, "jacobian", expressions, inputs, letters(robot), tuple(notes))

@@ -30,7 +30,7 @@ def base_parameter_model(robot: Robot) -> SymbolicModel:
         tuple(name for name in robot.standard_names if name in used),
         lengths,
         (
-            f"{len(base.names)} base parameters: {', '.join(base.names)}",
+            f"{len(base.names)} base parameter{'s' * (len(base.names) != 1)}: {', '.join(base.names)}",
             f"no effect: {', '.join(base.no_effect) or 'none'}",
             f"regrouped: {', '.join(base.regrouped) or 'none'}",
             "parameters that are not listed below are themselves",
@@ -124,11 +124,14 @@ def symbolic_model(robot: Robot, what: str, parameters: str | None = None) -> Sy
     """
     if what not in MODELS:
         raise InputError(f"what is {what!r}; choose one of {', '.join(MODELS)}")
-    try:
-        model = _lagrange(robot, parameters) if what == "lagrange" and parameters else MODELS[what](robot)
-    except ValueError as error:
-        raise InputError(f"{robot.name}: {what}: {error}") from error
+    model = _lagrange(robot, parameters) if what == "lagrange" and parameters else MODELS[what](robot)
     twice = sorted({*model.expressions, *model.inputs} & {name for name, _ in model.lengths})
     if twice:
         raise InputError(f"{robot.name}: {what} has a variable {twice[0]}; give the length of that name another letter")
-    return model
+    return replace(model, notes=(_legend(robot), *model.notes))
+
+
+def _legend(robot: Robot) -> str:
+    """Which joint each number stands for: they count the joints that are kept."""
+    names = ", ".join(joint.name for joint in robot.joints)
+    return f"q1 … q{robot.n}: {names}" if robot.n > 1 else f"q1: {names}"

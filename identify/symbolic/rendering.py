@@ -178,7 +178,9 @@ def _notes(model: SymbolicModel) -> list[str]:
 
 
 def _comments(model: SymbolicModel, mark: str) -> list[str]:
-    return [f"{mark}{line}".rstrip() for line in (f"{model.robot}: {model.what}", *_notes(model))]
+    # Names in a robot file may hold line breaks, after which a comment would be code.
+    lines = (" ".join(line.split()) for line in (f"{model.robot}: {model.what}", *_notes(model)))
+    return [f"{mark}{line}".rstrip() for line in lines]
 
 
 def _wrapped(text: str, first: str, others: str) -> Iterable[str]:

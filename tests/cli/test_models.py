@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
+import identify
 from identify.cli.parser import FORMATS, PARAMETERS, WHAT
 from identify.symbolic import constants, rendering
 from identify.symbolic.models import MODELS
@@ -72,16 +74,62 @@ def test_geometry_of_a_robot_with_branches_is_refused_in_one_line(run, tmp_path:
     assert "its joints branch; keep the joints of one branch" in shown.err
 
 
-def test_inverse_kinematics_without_a_formula_says_what_there_is(run, tmp_path: Path) -> None:
+@pytest.fixture
+def slide_between(tmp_path: Path) -> Path:
+    """A serial arm of three joints, the second of which slides."""
     file = tmp_path / "short.toml"
     file.write_text(SLIDE_AND_BRANCH.replace('parent = "turn"\n', ""))
-    shown = run("model", file, "--what", "inverse-kinematics")
-    assert shown.status == 0
-    assert "J is 6 x 3: it has no inverse; joint_velocity gives numbers" in shown.out
-    code = run("model", file, "--what", "inverse-kinematics", "--format", "python")
-    assert code.status == 2
-    assert code.err.count("\n") == 1
-    assert "no formula to print" in code.err
+    return file
+
+
+@pytest.fixture
+def oblique(tmp_path: Path) -> Path:
+    """Six joints with axes at any angle and offsets throughout: no equation of Paul's method fits."""
+    text = 'name = "oblique"\n'
+    for j in range(6):
+        text += (
+            f'[[joint]]\nname = "axis {j + 1}"\nalpha = {0.3 + 0.2 * j}\nd = {0.1 + 0.03 * j}\nr = {0.2 - 0.02 * j}\n'
+        )
+    file = tmp_path / "oblique.toml"
+    file.write_text(text)
+    return file
+
+
+def test_models_without_a_formula_are_refused_alike_in_every_form(run, slide_between: Path, oblique: Path) -> None:
+    cases = (
+        (slide_between, "inverse-kinematics", "J is 6 x 3 and has no inverse to print; joint_velocity gives numbers"),
+        (oblique, "inverse-kinematics", "no point gives J the form"),
+        (oblique, "inverse-geometry", "no known type of equation gives q1, q2, q3, q4, q5, q6"),
+    )
+    for file, what, reason in cases:
+        for form in FORMATS:
+            told = run("model", file, "--what", what, "--format", form)
+            assert (told.status, told.out) == (2, ""), form
+            assert told.err.count("\n") == 1
+            assert reason in told.err
+
+
+def test_a_defect_is_not_taken_for_bad_input(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_robot: object) -> None:
+        raise ValueError("an index went wrong")
+
+    monkeypatch.setitem(MODELS, "energy", broken)
+    told = run("model", "rx90", "--what", "energy")
+    assert told.status == 3
+    assert "this is a defect of identify" in told.err
+
+
+def test_numbers_of_joints_are_told_by_name(run) -> None:
+    shown = run("model", "rx90", "--what", "direct-geometry", "--joints", "joint_3=0")
+    assert "q1 … q5: joint_1, joint_2, joint_4, joint_5, joint_6" in shown.out
+    table = run("model", "rx90", "--what", "energy", "--format", "json").json
+    assert table["notes"][0] == "q1 … q6: joint_1, joint_2, joint_3, joint_4, joint_5, joint_6"
+
+
+def test_the_package_runs_as_the_command() -> None:
+    command = [sys.executable, "-m", "identify", "--version"]
+    shown = subprocess.run(command, check=True, capture_output=True, text=True)
+    assert shown.stdout == f"identify {identify.__version__}\n"
 
 
 def test_lagrange_in_base_parameters_and_no_other_model(run) -> None:

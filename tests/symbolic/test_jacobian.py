@@ -175,6 +175,22 @@ def test_determinant_is_the_determinant_and_its_zeros_are_singular(robot) -> Non
         assert singular.generic_rank == 5, singular.factor
 
 
+def test_an_arm_without_listed_singularities_says_why() -> None:
+    """Seven joints lose rank where seven minors vanish together; one joint never does."""
+    seven = random_chain(np.random.default_rng(3), 7)
+    square = tuple(
+        replace(j, type="revolute", alpha=(-1) ** k * np.pi / 2, gamma=0.0, theta=0.0, d=0.0, b=0.0)
+        for k, j in enumerate(seven.joints)
+    )
+    assert (
+        "no singular configuration listed: the rank falls where"
+        in symbolic_jacobian(replace(seven, joints=square)).notes[-1]
+    )
+    (single,) = random_chain(np.random.default_rng(3), 1).joints
+    one = replace(seven, joints=(single,), transmission=None)
+    assert "no singular configuration: the rank is the same everywhere" in symbolic_jacobian(one).notes[-1]
+
+
 def test_scara_has_four_degrees_of_freedom_and_a_stretched_elbow() -> None:
     found = determinant(SCARA)
     assert found.value is None

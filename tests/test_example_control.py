@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.machinery
-import importlib.util
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,29 +10,22 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
+from script_modules import SCRIPTS, script
 
 import identify
 from identify.errors import InputError
 from identify.robot.mjcf import to_mjcf
 
-SCRIPT = Path(__file__).parents[1] / "scripts" / "example_control"
-sys.path.insert(0, str(SCRIPT.parent))
+sys.path.insert(0, str(SCRIPTS))
 
-import control_laws  # noqa: E402
-import control_report  # noqa: E402
-import control_runs  # noqa: E402
+import control_laws
+import control_report
+import control_runs
 
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    """The script as a module; its name has no suffix, so that no ordinary import finds it."""
-    loader = importlib.machinery.SourceFileLoader("example_control", str(SCRIPT))
-    spec = importlib.util.spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[loader.name] = module  # dataclasses look their module up
-    loader.exec_module(module)
-    return module
+    return script("example_control")
 
 
 @pytest.fixture(scope="module")

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.machinery
-import importlib.util
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
-
-SCRIPT = Path(__file__).parents[1] / "scripts" / "example_dask"
+from script_modules import script
 
 
 @pytest.fixture(scope="module")
 def example() -> ModuleType:
-    """The script as a module; its name has no suffix, so that no ordinary import finds it."""
-    loader = importlib.machinery.SourceFileLoader("example_dask", str(SCRIPT))
-    spec = importlib.util.spec_from_loader(loader.name, loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    loader.exec_module(module)
-    return module
+    return script("example_dask")
 
 
 def test_without_dask_it_says_what_brings_it(

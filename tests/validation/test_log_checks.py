@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 from dataclasses import replace
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from script_modules import script
 
 from identify.errors import UnsupportedLogError
 from identify.experiment.simulation import simulate
@@ -160,13 +158,7 @@ def test_without_effort_or_motion_nothing_is_held_against_the_dynamics(log: Log,
 
 @pytest.fixture(scope="module")
 def study() -> ModuleType:
-    loader = SourceFileLoader("check_triage", str(ROOT / "scripts" / "check_triage"))
-    spec = importlib.util.spec_from_loader("check_triage", loader)
-    assert spec is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["check_triage"] = module
-    loader.exec_module(module)
-    return module
+    return script("check_triage")
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,14 @@
-"""Printed models as functions, for tests: the Python form, run."""
+"""Printed models as functions, for tests: the Python form, run; and stored values of the RX-90 to hold them against."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from identify.symbolic.model import SymbolicModel
 from identify.symbolic.rendering import arguments, render
@@ -31,3 +34,15 @@ def printed(model: SymbolicModel) -> Callable[..., Any]:
         return np.array(answer)
 
     return called
+
+
+def stored_rx90() -> tuple[dict[str, Any], dict[str, float]]:
+    """Dynamics of the RX-90 computed elsewhere, and its constants by name; skips where the file is not there."""
+    file = Path(__file__).resolve().parents[2] / "shared" / "oracles" / "rx90-dynamics.json"
+    if not file.exists():
+        pytest.skip(f"{file} is not there")
+    known = json.loads(file.read_text())
+    constants = {name.replace("IA", "Ia"): x for name, x in known["base_params"].items()}
+    for j, link in enumerate(known["std_params"], start=1):
+        constants |= {f"Fs{j}": link["FS"], f"Fv{j}": link["FV"]}
+    return known, constants

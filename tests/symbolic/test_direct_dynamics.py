@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -14,7 +12,7 @@ import pytest
 import sympy
 from arms import SCARA, rx90
 from chains import random_chain
-from printed_models import printed
+from printed_models import printed, stored_rx90
 from symbolic_models import tilted
 
 from identify.robot.mjcf import depth_first, to_mjcf
@@ -22,8 +20,6 @@ from identify.robot.robot import Robot
 from identify.symbolic.direct_dynamics import solution, symbolic_direct_dynamics
 from identify.symbolic.inverse_dynamics import symbolic_newton_euler
 from identify.symbolic.models import symbolic_model
-
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
 
 def some(seed: int) -> Robot:
@@ -63,13 +59,7 @@ def test_against_mujoco(robot: Robot) -> None:
 
 
 def test_stored_accelerations_of_the_rx90() -> None:
-    file = ORACLES / "rx90-dynamics.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
-    constants = {name.replace("IA", "Ia"): x for name, x in known["base_params"].items()}
-    for j, link in enumerate(known["std_params"], start=1):
-        constants |= {f"Fs{j}": link["FS"], f"Fv{j}": link["FV"]}
+    known, constants = stored_rx90()
     tau = np.array(known["tau_total"]) - known["tau_external"]
     found = printed(symbolic_direct_dynamics(rx90(known["RL4"])))(constants, q=known["q"], dq=known["qd"], tau=tau)
     np.testing.assert_allclose(found, known["qdd_from_tau_total"], rtol=0, atol=1e-12 * 2.1)

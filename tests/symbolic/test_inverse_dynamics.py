@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import oracle
@@ -13,7 +11,7 @@ import pytest
 import sympy
 from arms import rx90
 from chains import random_chain
-from printed_models import printed
+from printed_models import printed, stored_rx90
 from symbolic_models import tilted
 
 from identify.robot.library import load_robot
@@ -26,17 +24,9 @@ from identify.symbolic.lagrange import symbolic_lagrange
 from identify.symbolic.link_motion import recurrence
 from identify.symbolic.representative import representative
 
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
-
 
 def test_stored_torque_of_the_rx90() -> None:
-    file = ORACLES / "rx90-dynamics.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
-    constants = {name.replace("IA", "Ia"): x for name, x in known["base_params"].items()}
-    for j, link in enumerate(known["std_params"], start=1):
-        constants |= {f"Fs{j}": link["FS"], f"Fv{j}": link["FV"]}
+    known, constants = stored_rx90()
     found = printed(symbolic_newton_euler(rx90(known["RL4"])))(
         constants, q=known["q"], dq=known["qd"], ddq=known["qdd"], F=known["fe6"][:3], N=known["fe6"][3:]
     )

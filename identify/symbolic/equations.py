@@ -115,7 +115,7 @@ class Reader:
         return bool(np.all(np.abs(value) <= ALWAYS_ZERO * size))
 
     def clean(self, polynomial: Polynomial) -> Polynomial:
-        """The polynomial, or none where it is zero at every probe."""
+        """The polynomial, or zero where it vanishes at every probe."""
         return self.space.ring.zero if self.vanishes(polynomial) else polynomial
 
     def is_constant(self, polynomial: Polynomial) -> bool:

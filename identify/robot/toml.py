@@ -13,6 +13,7 @@ from identify.errors import RobotError
 from identify.robot import checks
 from identify.robot.files import read_text
 from identify.robot.fixed import Entry, merge_fixed
+from identify.robot.length_names import length_name_problem
 from identify.robot.robot import PRISMATIC, REVOLUTE, Drive, Joint, Limits, Link, Matrix, Robot, Transmission
 from identify.robot.toml_writing import write_toml
 from identify.robot.transforms import from_roll_pitch_yaw, to_matrix
@@ -131,8 +132,8 @@ def _joint(item: dict[str, Any], name: str, kind: str, where: str) -> Joint:
     gamma, b, alpha, d, theta, r = (checks.number(item.get(key, 0.0), f"{where}: {key}") for key in GEOMETRY)
     symbols = checks.table(item.get("symbols", {}), LENGTHS, f"{where}: symbols")
     for key, letter in symbols.items():
-        if not checks.text(letter, f"{where}: symbols.{key}").isidentifier():
-            raise RobotError(f"{where}: symbols.{key}: {letter!r} can't be a symbol; use letters and digits, as in D3")
+        if problem := length_name_problem(checks.text(letter, f"{where}: symbols.{key}")):
+            raise RobotError(f"{where}: symbols.{key}: {letter!r} can't be a symbol; {problem}")
     return Joint(
         name=name,
         type=kind,

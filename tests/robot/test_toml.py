@@ -210,6 +210,10 @@ REFUSALS = {
     ),
     "unknown symbol": (arm('{ d = "D2" }', '{ alpha = "A" }'), "joint 'elbow': symbols: unknown key 'alpha'"),
     "no symbol": (arm('"D2"', '"D 2"'), "joint 'elbow': symbols.d: 'D 2' can't be a symbol"),
+    "symbol a word of C": (arm('"D2"', '"double"'), "symbols.d: 'double' can't be a symbol; it is a word of C or"),
+    "symbol a word of Python": (arm('"D2"', '"lambda"'), "symbols.d: 'lambda' can't be a symbol; it is a word of"),
+    "symbol a function": (arm('"D2"', '"y1"'), "symbols.d: 'y1' can't be a symbol; C, Python or sympy knows it"),
+    "symbol a variable": (arm('"D2"', '"C2"'), "symbols.d: 'C2' can't be a symbol; printed models use it for a"),
     "symbol a number": (arm('"D2"', "2"), "joint 'elbow': symbols.d: expected text in quotes, found 2"),
     "text for a number": (
         arm("theta = 0.3", 'theta = "0.3"'),

@@ -15,6 +15,7 @@ from chains import random_chain
 from printed_models import printed
 
 from identify.errors import InputError
+from identify.robot.length_names import length_name_problem
 from identify.robot.library import load_robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.geometry import direct_geometry
@@ -116,6 +117,34 @@ def test_json_reads_back_and_text_and_latex_name_everything(models: dict[str, Sy
     assert table["parameters"] == dict(model.parameters)
     assert latex.count("&=") == len(model.expressions)
     assert table["results"].keys() == ({r.name for r in model.results} or model.expressions.keys())
+
+
+def test_no_length_may_be_called_like_a_variable(models: dict[str, SymbolicModel]) -> None:
+    """What models print is refused as the name of a length, and so are words of C and Python; natural names are not."""
+    for model in models.values():
+        own = {name for name, _ in model.lengths}
+        names = {*model.expressions, *model.inputs, *(name for name, _ in model.parameters)} - own
+        names |= {*(r.name for r in model.results), model.what.replace("-", "_")}
+        assert [name for name in sorted(names) if length_name_problem(name) is None] == [], model.what
+        assert all(length_name_problem(name) is None for name in own)
+    for name in (
+        "Fsm6",
+        "A1_12",
+        "C10_11",
+        "lambda",
+        "double",
+        "bool",
+        "match_",
+        "sinf",
+        "M_PI",
+        "2a",
+        "é",
+        "_a",
+        "C2_",
+    ):
+        assert (length_name_problem(name) is None) == (name == "match_"), name
+    for name in ("D3", "RL4", "a2", "r4", "L1", "l", "L", "forearm", "D12"):
+        assert length_name_problem(name) is None, name
 
 
 def test_inverse_geometry_inverts(models: dict[str, SymbolicModel]) -> None:

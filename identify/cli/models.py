@@ -22,6 +22,17 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     robot = load_robot(options.robot, options.joints, options.gravity)
     if options.parameters and options.what != "lagrange":
         raise InputError(f"--parameters {options.parameters}: {options.what} has no choice of parameters; leave it out")
+    if options.current is not None and options.pose is None:
+        raise InputError("--current: the position now matters for a pose alone; add --pose, or leave it out")
+    if options.pose is not None:
+        from identify.cli.posing import solutions_text
+
+        if options.what != "inverse-geometry":
+            raise InputError(f"--pose: {options.what} takes no pose; choose --what inverse-geometry, or leave it out")
+        if options.format not in ("text", "json"):
+            raise InputError(f"--format {options.format}: solutions are numbers; choose text or json")
+        print(solutions_text(robot, options.pose, options.current, options.format))
+        return 0
     if options.what == "operations":
         from identify.symbolic.operation_table import operations
 

@@ -337,6 +337,17 @@ def _model(commands: Any) -> None:
     command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
     command.add_argument("--parameters", choices=PARAMETERS, help="inertial parameters of lagrange (default: standard)")
+    command.add_argument(
+        "--pose",
+        metavar="POSE",
+        help="with inverse-geometry: print all solutions for this pose of the tool in the world, 12 or 16 numbers "
+        "row by row, or a file of them: --pose='1 0 0 0.6  0 1 0 0.2  0 0 1 0.3'",
+    )
+    command.add_argument(
+        "--current",
+        metavar="Q1,Q2,…",
+        help="with --pose: joint positions now (rad, m), for what the pose leaves open (default 0): --current=0.1,-0.2",
+    )
 
 
 def _codegen(commands: Any) -> None:

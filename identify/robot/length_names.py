@@ -37,11 +37,11 @@ MODELS = """
 VARIABLES = re.compile(
     r"""
       (?: d{0,2}q | tau(?:_[efj])? | sign | turn | lever ) \d+ (?:_\d+)?     # signals
-    | (?: q | e | C | S | B[a-c]? | W | X | Y | Z | Q | QCC | QCS | QC | QS ) \d+ (?:_?m?\d+)*  # geometry: C23, C2m3
+    | (?: q | e | C | S | B[a-c]? | W | X | Y | Z | Q | QCC | QCS | QC | QS ) \d+ (?:[_m]+\d+)*  # geometry: C23, C2m3
     | (?: A | Cc | J | K | L ) \d+ _? \d+                                    # entries of matrices: A11, A1_12
     | (?: H | b | d | k | t ) \d+                                            # elimination, intermediate values
     | (?: U | V | Vp | w | wp | f | m ) \d+ (?:_?\d+)?                       # of the recurrence: w2_1
-    | (?: [XYZ]{2} | S[XYZ]{2} | M[XYZ]? | Ia | Fv | Fs | off ) [Rm]? \d+  # parameters
+    | (?: [XYZ]{2} | S[XYZ]{2} | M[XYZ]? | Ia | Fv | Fs | off ) [Rm]? \d+    # parameters
     | [FNG] \d+ | h_\w+ | [sna][xyz] | P[xyz] | Q[1-4] | M_\w+ | FP_\w+
     """,
     re.VERBOSE,

@@ -22,15 +22,18 @@ def pose_error(robot: Robot, q: np.ndarray, pose: np.ndarray) -> tuple[np.ndarra
     return np.concatenate([difference[:, :3, 3], turn], axis=1), np.abs(difference[:, :3]).max(axis=(1, 2))
 
 
-def refine(robot: Robot, q: np.ndarray, pose: np.ndarray, steps: int = 3) -> tuple[np.ndarray, np.ndarray]:
+def refine(
+    robot: Robot, q: np.ndarray, pose: np.ndarray, steps: int = 3, within: float = 1e-3
+) -> tuple[np.ndarray, np.ndarray]:
     """q (N, n) brought nearer to pose (N, 4, 4), and (N,) the largest entry of the remaining error.
 
-    Takes off rounding errors that a formula near the edge of the workspace amplifies; never makes one worse.
+    Takes off rounding errors that a formula near the edge of the workspace amplifies; never makes one worse. Positions with an error
+    above `within` are left as they are.
     """
     q = q.copy()
     error, size = pose_error(robot, q, pose)
     for _ in range(steps):
-        rows = np.flatnonzero((size > 1e-13) & (size < 1e-3))
+        rows = np.flatnonzero((size > 1e-13) & (size < within))
         if not len(rows):
             break
         candidate = q[rows] + _step(robot, q[rows], error[rows], np.full(len(rows), 1e-14))

@@ -42,6 +42,7 @@ VARIABLES = re.compile(
     | (?: H | b | d | k | t ) \d+                                            # elimination, intermediate values
     | (?: U | V | Vp | w | wp | f | m ) \d+ (?:_?\d+)?                       # of the recurrence: w2_1
     | (?: [XYZ]{2} | S[XYZ]{2} | M[XYZ]? | Ia | Fv | Fs | off ) [Rm]? \d+    # parameters
+    | r (?: S[XYZ]{2} | M[XYZ]? | Ia ) \d+ | PHI\d+ | [CS]P\d+ | \w*\d[ui]   # of bodies, turns, units
     | [FNG] \d+ | h_\w+ | [sna][xyz] | P[xyz] | Q[1-4] | M_\w+ | FP_\w+
     """,
     re.VERBOSE,

@@ -36,8 +36,8 @@ from identify.symbolic.chain import (
     times,
     transpose,
 )
-from identify.symbolic.expression import Graph, Scalar
-from identify.symbolic.form import Form, Forms, can_merge
+from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.form import Form, Forms, can_merge, unit_letter
 from identify.symbolic.motion import Motion
 from identify.symbolic.second_moments import (
     IA,
@@ -70,26 +70,34 @@ def customised_torque(
 ) -> list[Scalar]:
     """(n,) effort for second-moment parameters (11 n,), by the recurrence described above.
 
-    `letters` keeps the lengths the robot names as symbols; then their unit is the metre and no frame is turned. `forms`
-    says which of several equal ways to write it is taken.
+    `letters` keeps the lengths the robot names as symbols. `forms` says which of several equal ways to write it is
+    taken; where it has a unit of length, symbols for parameters and gravity stand for what they are in that unit,
+    numbers and the wrench are in SI.
     """
     forms = forms or Forms((Form(),) * robot.n)
-    if letters:
-        forms = replace(forms, unit=1.0, turned=())
     unit = forms.unit if all(joint.revolute for joint in robot.joints) else 1.0
+    named = unit_letter(robot, unit) if letters else None
     if unit != 1.0:
-        # In units of length other than the metre, moments and second moments stay in SI.
-        scale = (*(1.0,) * 6, *(unit,) * 3, unit * unit, 1.0)
-        parameters = [k * scale[i % 11] for i, k in enumerate(parameters)]
-        joints = tuple(replace(joint, d=joint.d / unit, r=joint.r / unit, b=joint.b / unit) for joint in robot.joints)
-        robot = replace(robot, joints=joints)
-        motion = replace(motion, gravity=times(1 / unit, motion.gravity), force=times(unit, motion.force))
+        parameters = [in_unit(k, scale_of(i % 11, unit)) for i, k in enumerate(parameters)]
+        x, y, z = (in_unit(g, 1 / unit) for g in motion.gravity)
+        own = graph.symbol(named) if named else unit
+        motion = replace(motion, gravity=(x, y, z), force=times(own, motion.force))
     if forms.turned:
         zero = graph.constant(0)
         parameters = [zero if i // 11 in forms.turned and i % 11 == MY else k for i, k in enumerate(parameters)]
-    lengths = Lengths(graph, robot, letters)
+    lengths = Lengths(graph, robot, letters, unit, named)
     forward = _forward(graph, robot, motion, lengths, forms)
     return _backward(graph, robot, parameters, motion, lengths, forms.links, forward)
+
+
+def scale_of(kind: int, unit: float) -> float:
+    """Factor that brings a parameter of this kind to a unit of length; moments and second moments stay in SI."""
+    return unit if kind in (MX, MY, MZ) else unit * unit if kind == M else 1.0
+
+
+def in_unit(x: Scalar, factor: float) -> Scalar:
+    """A number times the factor; a symbol as it is."""
+    return x * factor if not isinstance(x, Expression) or x.value is not None else x
 
 
 @dataclass(frozen=True)
@@ -246,14 +254,14 @@ def _backward(
             if not forms[j].stepped:
                 eff, near = f, null
             if levered.get(joint.parent) == j:
-                eff = add(eff, as_forces(*inner, lengths.value(j, "d")))
+                eff = add(eff, as_forces(*inner, lengths.inverse(j)))
             outer.level_force = add(outer.level_force, f)
             lever = (y * f[2] - z * f[1], z * f[0] - x * f[2], x * eff[1] - y * eff[0] + d * near[1])
             across = add(sight.about_axis((m[0], m[1], zero)), (m_level[0], m_level[1], zero))
             through = matvec(step.fixed, add(across, (zero, zero, m[2])))
             outer.level_moment = add(outer.level_moment, through, lever)
             if levered.get(joint.parent) == j:
-                rest = levered_moment(*inner, lengths.value(j, "d"), x, y)
+                rest = levered_moment(*inner, lengths.inverse(j), x, y)
                 outer.level_moment = add(outer.level_moment, rest)
             continue
         f = add(step.about_axis(f), (f_level[0], f_level[1], zero))
@@ -321,7 +329,7 @@ def _merged(
 
 def _is_levered(robot: Robot, j: int, forms: Sequence[Form], forward: _Forward, lengths: Lengths) -> bool:
     step, sight = forward.turns[j]
-    if not forms[j].level or not forms[j].levered or sight is step or lengths.value(j, "d") is None:
+    if not forms[j].level or not forms[j].levered or sight is step or not robot.joints[j].d:
         return False
     parent = robot.joints[j].parent
     siblings = [i for i in range(j) if robot.joints[i].parent == parent and forms[i].level and forms[i].levered]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from identify.robot.robot import Robot
 from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.geometry import letters
-from identify.symbolic.inverse_dynamics import assembled, customised_effort, customised_motion
+from identify.symbolic.inverse_dynamics import about_parameters, assembled, customised_effort, customised_motion
 from identify.symbolic.joint_effort import friction, shared_inertia
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import SymbolicModel, entry_name, vector
@@ -92,7 +92,7 @@ def symbolic_direct_dynamics(robot: Robot) -> SymbolicModel:
         "A = L' D L, D with diagonal d, L with a diagonal of ones, W = D L: factored from the last joint to the first",
         "with base parameters and actuator inertia Ia; gravity G1 G2 G3 in R0",
         "with a wrench on the last link, give tau less its effort tau_e of the model lagrange",
-        "SXX, SXY ...: second moments of bodies with these base parameters, XX = SYY + SZZ, XY = -SXY",
+        *about_parameters(robot),
     )
     inputs = tuple(f"{p}{j + 1}" for p in ("q", "dq", "tau") for j in range(n))
     return SymbolicModel(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from identify.robot.robot import Robot
 from identify.symbolic.chain import quarter_turns
@@ -48,6 +48,26 @@ class Forms:
 def turn_symbol(j: int) -> str:
     """Name of the constant angle by which the frame of link j is turned."""
     return f"PHI{j + 1}"
+
+
+def unit_letter(robot: Robot, unit: float) -> str | None:
+    """Name of the length that is the unit, None if it has none."""
+    for joint in robot.joints:
+        for key, name in joint.symbols:
+            if abs(getattr(joint, key)) == unit:
+                return name
+    return None
+
+
+def with_unequal_lengths(robot: Robot) -> Robot:
+    """The robot with every named length a little longer than the one before, so that none equals another by chance."""
+    names = dict.fromkeys(name for joint in robot.joints for _, name in joint.symbols)
+    factor = {name: 1 + i / 128 for i, name in enumerate(names)}
+    joints = tuple(
+        replace(joint, **{key: getattr(joint, key) * factor[name] for key, name in joint.symbols})
+        for joint in robot.joints
+    )
+    return replace(robot, joints=joints)
 
 
 def can_merge(robot: Robot, j: int) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -18,6 +19,7 @@ from identify.symbolic.expression import (
     evaluate,
     reachable,
 )
+from identify.symbolic.form import turn_symbol
 from identify.symbolic.geometry import canonical, trigonometric
 from identify.symbolic.operations import varying
 from identify.symbolic.simplification import simplified
@@ -32,12 +34,16 @@ ALIKE = 1e-11
 """Relative difference of values below which two expressions are taken to be the same quantity."""
 
 
-def named(outputs: Mapping[str, Expression], labels: Mapping[int, str] | None = None) -> dict[str, sympy.Expr]:
+def named(
+    outputs: Mapping[str, Expression], labels: Mapping[int, str] | None = None, as_counted: bool = False
+) -> dict[str, sympy.Expr]:
     """The outputs under their names, and before them what they share: {name: expression}, in the order of computing.
 
     Cosines and sines are called as in the chapter (C2, S23); nodes in `labels` {index: name} by their label if they are
     a statement of their own; other shared ones t1, t2 …, and k1, k2 … those that only read parameters and lengths,
-    which are summed up first. Names that a symbol has already get an underscore.
+    which are summed up first. Names that a symbol has already get an underscore. `as_counted`: sums of joint variables
+    that a cosine and a sine are of, and sums that hold a term twice, are statements too, so that the operations are
+    those of the graph.
     """
     import sympy
 
@@ -67,6 +73,7 @@ def named(outputs: Mapping[str, Expression], labels: Mapping[int, str] | None = 
     place: dict[int, sympy.Expr] = {}
     size: dict[int, int] = {}
     known: dict[sympy.Expr, sympy.Symbol] = {}
+    sums: dict[sympy.Symbol, sympy.Expr] = {}
     numbered: Counter[str] = Counter()
 
     def state(expression: sympy.Expr, name: str, is_output: bool = False) -> sympy.Symbol:
@@ -103,13 +110,19 @@ def named(outputs: Mapping[str, Expression], labels: Mapping[int, str] | None = 
         if i in own:
             name = own[i]
         elif node[0] in ("cos", "sin"):
-            name = _trigonometric(node[0], expression)
+            name = _trigonometric(node[0], expression.xreplace(sums))
+        elif as_counted and node[0] in ("add", "sub") and (terms := _repeated(node, [place[k] for k in node[1:]])):
+            expression, name = sympy.Add(*terms, evaluate=False), labels.get(i, "t")
+        elif as_counted and size[i] and i in angles and readers[i] > 1:
+            name = "t"
         elif size[i] and i not in angles:
             if i in labels and (readers[i] > 1 or size[i] > 2):
                 name = labels[i]
             elif node[0] != "neg" and (readers[i] > 1 or size[i] > LONGEST):
                 name = "t"
         place[i] = state(expression, name, i in own) if name else expression
+        if name and i in angles:
+            sums[place[i]] = expression.xreplace(sums)
         size[i] = 0 if name else size[i]
     return result | {name: place[e.index] for name, e in outputs.items() if name not in result}
 
@@ -147,12 +160,32 @@ def exact(value: float) -> sympy.Expr:
     return sympy.Rational(round(4 * value), 4) if 4 * value == round(4 * value) else sympy.Float(value)
 
 
+def _repeated(node: tuple, x: Sequence[sympy.Expr]) -> list[sympy.Expr]:
+    """Terms of a sum or difference of x that has a moving one twice, which sympy would write as a product."""
+    import sympy
+
+    first, second = (sympy.Add.make_args(e) for e in x)
+    if not {abs_term for e in first if not e.is_number for abs_term in (e, -e)} & set(second):
+        return []
+    return [*first, *(e if node[0] == "add" else -e for e in second)]
+
+
 def _trigonometric(kind: str, expression: sympy.Expr) -> str:
-    """C2, S23 … for the cosine and sine of a sum of joint variables."""
+    """C2, S23 … for the cosine and sine of a sum of joint variables, CP6 and SP6 for those of q6 + PHI6."""
     import sympy
 
     (call,) = expression.atoms(sympy.cos, sympy.sin)
+    angle = call.args[0]
+    turned = {sympy.Symbol(turn_symbol(j)): f"{kind[0].upper()}P{j + 1}" for j in harmonic_joints(angle)}
+    for symbol, name in turned.items():
+        if symbol in angle.free_symbols:
+            return name
     return trigonometric(canonical(harmonic(call.args[0]))[0])[kind == "sin"].name
+
+
+def harmonic_joints(angle: sympy.Expr) -> list[int]:
+    """Indices of the joints whose variables are in a sum."""
+    return sorted(int(s.name[1:]) - 1 for s in angle.free_symbols if re.fullmatch(r"q\d+", s.name))
 
 
 def harmonic(angle: sympy.Expr) -> dict[int, int]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi
 from typing import TYPE_CHECKING
 
@@ -13,14 +13,17 @@ from identify.symbolic.customised import customised_torque
 from identify.symbolic.direct_dynamics import equations, solution
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.form import with_unequal_lengths
 from identify.symbolic.geometry import symbolic_direct_geometry
+from identify.symbolic.inverse_dynamics import written_effort
 from identify.symbolic.jacobian import symbolic_matrix
 from identify.symbolic.lagrange import lagrange
 from identify.symbolic.model import entry_name
 from identify.symbolic.motion import Motion
 from identify.symbolic.naming import graph_of
 from identify.symbolic.newton_euler import torque_regressor
-from identify.symbolic.operations import Operations, count, lifted, written
+from identify.symbolic.operations import Operations, count, lifted
+from identify.symbolic.operations import written as written_out
 from identify.symbolic.polarisation import bilinear_in_rates
 from identify.symbolic.representative import customised_model, representative
 from identify.symbolic.simplification import simplified
@@ -51,11 +54,12 @@ def operations(robot: Robot) -> tuple[Row, ...]:
     Inverse dynamics is counted without friction, and with a wrench on the last link as in the chapter; direct dynamics
     with friction. The symmetric-link row is there for the chapter's robot alone, geometry for robots without branches.
     """
+    written = written_effort(robot).torque
     robot = with_unequal_lengths(robot)
     kept = base_parameters(robot).kept
     known = is_chapters_robot(robot)
     branches = any(joint.parent != j - 1 for j, joint in enumerate(robot.joints))
-    rows = [Row("inverse dynamics, wrench", _customised(robot, wrench=True), CHAPTER["general"] if known else None)]
+    rows = [Row("inverse dynamics, wrench", count(written), CHAPTER["general"] if known else None)]
     if known:
         symmetric = _customised(robot, wrench=True, absent=symmetric_absent(robot))
         rows.append(Row("inverse dynamics, wrench, symmetric links", symmetric, CHAPTER["symmetric"]))
@@ -72,7 +76,7 @@ def operations(robot: Robot) -> tuple[Row, ...]:
         Row("Coriolis and centrifugal effort", _customised(robot, ddq=False, gravity=False)),
         Row("gravity effort", _customised(robot, dq=False, ddq=False)),
         Row("inertia matrix", _count(inertia_matrix(graph, robot))),
-        Row("direct dynamics, friction", _sum(_count(list(system.values())), written(solved.values()))),
+        Row("direct dynamics, friction", _sum(_count(list(system.values())), written_out(solved.values()))),
         Row("Lagrange, standard parameters: A", _count(list(terms.inertia.values()))),
         Row("Lagrange, standard parameters: C", _count(list(terms.coriolis.values()))),
         Row("Lagrange, standard parameters: Q", _count(terms.gravity)),
@@ -131,17 +135,6 @@ def inertia_matrix(graph: Graph, robot: Robot) -> list[Expression]:
         torque = customised_torque(graph, robot, chosen.symbols(graph, robot.n), motion, forms=chosen.forms)
         entries += torque[: k + 1]
     return lifted(graph, entries)
-
-
-def with_unequal_lengths(robot: Robot) -> Robot:
-    """The robot with every named length a little longer than the one before, so that none equals another by chance."""
-    names = dict.fromkeys(name for joint in robot.joints for _, name in joint.symbols)
-    factor = {name: 1 + i / 128 for i, name in enumerate(names)}
-    joints = tuple(
-        replace(joint, **{key: getattr(joint, key) * factor[name] for key, name in joint.symbols})
-        for joint in robot.joints
-    )
-    return replace(robot, joints=joints)
 
 
 def is_chapters_robot(robot: Robot) -> bool:

@@ -88,7 +88,7 @@ def _python(model: SymbolicModel) -> str:
     lines = [*_comments(model, "# "), "import math", "", ""]
     lines += [f"{k} = {v!r}" for k, v in model.constants] + ([""] * 2 if model.constants else [])
     lines.append(f"def {name}({', '.join(argument for argument, _ in arguments(model))}):")
-    lines += [f"    {', '.join(e)}, = {a}" for a, e in arguments(model) if (a,) != e]
+    lines += [f"    {', '.join(e)}{',' * (len(e) == 1)} = {a}" for a, e in arguments(model) if (a,) != e]
     lines += [f"    {k} = {code(e)}" for k, e in model.expressions.items()]
     if len(model.results) == 1:
         answer = _value(model.results[0])

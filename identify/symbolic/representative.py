@@ -19,9 +19,9 @@ import numpy as np
 from identify.robot.robot import Drive, Limits, Link, Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.chain import exact_cos_sin
-from identify.symbolic.customised import customised_torque
+from identify.symbolic.customised import customised_torque, scale_of
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, reachable
-from identify.symbolic.form import Form, Forms, can_merge, turn_symbol
+from identify.symbolic.form import Form, Forms, can_merge, turn_symbol, with_unequal_lengths
 from identify.symbolic.motion import Motion
 from identify.symbolic.operations import count, lifted, varying
 from identify.symbolic.second_moments import (
@@ -58,7 +58,7 @@ PARALLEL = ("level", "levered", "stepped")
 
 @dataclass(frozen=True)
 class CustomisedModel:
-    """Inverse dynamics ready to print.
+    """Inverse dynamics as it is counted.
 
     torque (n,) expressions of q1 …, dq1 …, ddq1 …, the wrench F1 F2 F3, N1 N2 N3 if asked for, and the symbols
     `parameters`, whose values `values` gives.
@@ -67,11 +67,10 @@ class CustomisedModel:
     torque: list[Expression]
     parameters: tuple[str, ...]
     chosen: Representative
-    letters: bool
 
     def values(self, base: np.ndarray) -> dict[str, float]:
-        """The model's parameters by name, for base parameters (p,)."""
-        return self.chosen.values(base, self.letters)
+        """The model's parameters by name, for base parameters (p,), in the unit of length of the forms."""
+        return self.chosen.values(base)
 
 
 @dataclass(frozen=True)
@@ -86,35 +85,43 @@ class Representative:
         """(11 n,) a symbol for each parameter kept, zero for the others."""
         values: list[Scalar] = [graph.constant(0)] * (11 * n)
         for k in self.kept:
-            values[k] = graph.symbol(parameter_name(k))
+            values[k] = graph.symbol(representative_name(k))
         return values
 
-    def values(self, base: np.ndarray, letters: bool = False) -> dict[str, float]:
-        """Parameters by name for base parameters (p,), as `customised_torque` reads them: where lengths are numbers,
+    def values(self, base: np.ndarray) -> dict[str, float]:
+        """Parameters by name for base parameters (p,), as `customised_torque` reads them: in the forms' unit of length;
         those of a frame in `forms.turned` are the turned frame's, and the angle that it is turned by is one more."""
-        found = {parameter_name(k): float(x) for k, x in zip(self.kept, self.matrix @ base, strict=True)}
-        for j in () if letters else self.forms.turned:
+        unit = self.forms.unit
+        found = {
+            representative_name(k): float(x) * scale_of(k % 11, unit)
+            for k, x in zip(self.kept, self.matrix @ base, strict=True)
+        }
+        for j in self.forms.turned:
             found |= _turned(j, found)
         return found
 
 
+def representative_name(k: int) -> str:
+    """Name of parameter k of a representative, rMX2, which is not the robot's MX2."""
+    return f"r{parameter_name(k)}"
+
+
 def _turned(j: int, values: Mapping[str, float]) -> dict[str, float]:
     """Parameters of link j in its frame turned about z so that MY is zero, those that are there, and the angle."""
-    at = {name: values.get(f"{name}{j + 1}", 0.0) for name in SECOND_MOMENTS}
+    at = {name: values.get(f"r{name}{j + 1}", 0.0) for name in SECOND_MOMENTS}
     angle = float(np.arctan2(at["MY"], at["MX"]))
     c, s = np.cos(angle), np.sin(angle)
     axes = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
     second = np.array([[at[f"S{min(a, b)}{max(a, b)}"] for b in "XYZ"] for a in "XYZ"])
     second, first = axes @ second @ axes.T, axes @ [at["MX"], at["MY"], at["MZ"]]
-    found = {f"S{'XYZ'[a]}{'XYZ'[b]}{j + 1}": float(second[a, b]) for a in range(3) for b in range(a, 3)}
-    found |= {f"MX{j + 1}": float(first[0]), f"MY{j + 1}": 0.0}
+    found = {f"rS{'XYZ'[a]}{'XYZ'[b]}{j + 1}": float(second[a, b]) for a in range(3) for b in range(a, 3)}
+    found |= {f"rMX{j + 1}": float(first[0]), f"rMY{j + 1}": 0.0}
     return {name: x for name, x in found.items() if name in values} | {turn_symbol(j): angle}
 
 
 def customised_model(
     robot: Robot,
     wrench: bool = False,
-    letters: bool = False,
     absent: Collection[str] = (),
     *,
     dq: bool = True,
@@ -123,23 +130,43 @@ def customised_model(
 ) -> CustomisedModel:
     """Inverse dynamics with the base parameters, less those called `absent`, which are zero.
 
-    `wrench`: with what the last link exerts on its surroundings. `letters`: lengths the robot names stay symbols.
-    Velocities, accelerations or gravity that are switched off are zero.
+    `wrench`: with what the last link exerts on its surroundings. Velocities, accelerations or gravity that are switched
+    off are zero.
     """
     chosen = representative(robot, absent)
     graph = Graph()
     motion = Motion.of(graph, robot, dq=dq, ddq=ddq, gravity=gravity, wrench=wrench)
     values = chosen.symbols(graph, robot.n)
-    torque = customised_torque(graph, robot, values, motion, letters, chosen.forms)
-    names = tuple(parameter_name(k) for k in chosen.kept)
-    names += tuple(turn_symbol(j) for j in chosen.forms.turned if not letters)
-    return CustomisedModel(simplified(lifted(graph, torque)), names, chosen, letters)
+    torque = customised_torque(graph, robot, values, motion, forms=chosen.forms)
+    names = tuple(representative_name(k) for k in chosen.kept)
+    names += tuple(turn_symbol(j) for j in chosen.forms.turned)
+    return CustomisedModel(simplified(lifted(graph, torque)), names, chosen)
 
 
 def representative(robot: Robot, absent: Collection[str] = ()) -> Representative:
     """The cheapest representative found for the robot's geometry; robots that differ in nothing else share a search."""
     bare = tuple(replace(joint, name="", limits=Limits(), link=Link(), drive=Drive()) for joint in robot.joints)
     return _representative(Robot("", bare, robot.gravity), frozenset(absent))
+
+
+def written_with_letters(robot: Robot) -> tuple[Robot, Representative]:
+    """The robot with unequal lengths to write models of with letters, and its representative with the values matrix at
+    the robot's own lengths.
+
+    Without its letters where one of them is like a name that models make of another, or where its own lengths are so
+    special that they group other parameters.
+    """
+    letters = {name for joint in robot.joints for _, name in joint.symbols}
+    if not any(name[:-1] in letters and name[-1] in "ui" for name in letters):
+        arm = with_unequal_lengths(robot)
+        chosen, own, other = representative(arm), base_parameters(robot), base_parameters(arm)
+        if arm == robot:
+            return robot, chosen
+        b = (own.matrix @ standard_from_second_moments(robot.n))[:, list(chosen.kept)]
+        if own.names == other.names and b.shape[0] == b.shape[1] and np.linalg.cond(b) <= WORST_CONDITION:
+            return arm, replace(chosen, matrix=np.linalg.inv(b))
+    arm = replace(robot, joints=tuple(replace(joint, symbols=()) for joint in robot.joints))
+    return arm, representative(arm)
 
 
 @lru_cache(maxsize=64)
@@ -221,7 +248,7 @@ class _Program:
         steps = [(i, graph.nodes[i][0], arguments(graph.nodes[i]), i in variable) for i in order]
         at = {graph.nodes[i][1]: i for i in order if graph.nodes[i][0] == "symbol"}
         return _Program(
-            steps, {k: at[name] for k in felt if (name := parameter_name(k)) in at}, [e.index for e in torque]
+            steps, {k: at[name] for k in felt if (name := representative_name(k)) in at}, [e.index for e in torque]
         )
 
     def price(self, live: Collection[int]) -> int:

@@ -90,19 +90,17 @@ def difference(parent: Motions, fixed: Mat) -> Scalar:
     return {(0, 1): d21, (1, 0): -d21, (1, 2): d32, (2, 1): -d32, (2, 0): d13, (0, 2): -d13}[x, y]
 
 
-def as_forces(m: Motions, a: Vec, k: Sequence[Scalar], d: float | None) -> Vec:
-    """Forces at the distance d along x that have the moment about z of MX, MY, SXZ and SYZ of a link with motions m and
-    acceleration a; in the axes of m, which the link turns against."""
-    inverse = 1 / d  # type: ignore[operator]
+def as_forces(m: Motions, a: Vec, k: Sequence[Scalar], inverse: Scalar) -> Vec:
+    """Forces at a distance along x, given by its inverse, that have the moment about z of MX, MY, SXZ and SYZ of a link
+    with motions m and acceleration a; in the axes of m, which the link turns against."""
     mx, my, xz, yz = (k[i] * inverse for i in (MX, MY, XZ, YZ))
     x = mx * a[0] + my * a[1] + xz * m.u[0][2] + yz * m.u[1][2]
     y = mx * a[1] - my * a[0] + xz * m.u[1][2] - yz * m.u[0][2]
     return (x, y, 0.0)
 
 
-def levered_moment(m: Motions, a: Vec, k: Sequence[Scalar], d: float | None, x: Scalar, y: Scalar) -> Vec:
-    """Moment across z of the same parameters; (x, y) is the lever of length d that turns with the link."""
-    inverse = 1 / d  # type: ignore[operator]
+def levered_moment(m: Motions, a: Vec, k: Sequence[Scalar], inverse: Scalar, x: Scalar, y: Scalar) -> Vec:
+    """Moment across z of the same parameters; (x, y) is the lever that turns with the link."""
     mx, my, xz, yz = (k[i] * inverse for i in (MX, MY, XZ, YZ))
     hx, hy = mx * x - my * y, mx * y + my * x
     (s1, s2, _), p12, (tx, ty) = m.squares, m.p12, m.turned(x, y)

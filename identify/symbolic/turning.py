@@ -67,26 +67,41 @@ class Motions:
 
 @dataclass(frozen=True)
 class Lengths:
-    """Offsets d, r, b of the joints; a prismatic joint's r holds its variable."""
+    """Offsets d, r, b of the joints in a unit [m]; a prismatic joint's r holds its variable.
+
+    With `letters`, a length that the robot names, D3, is that symbol, and in a unit other than the metre D3u, its ratio
+    to the unit; D3i is the inverse of that. `named` is the name of the unit, the length that is 1 without a symbol.
+    """
 
     graph: Graph
     robot: Robot
     letters: bool
+    unit: float = 1.0
+    named: str | None = None
 
     def of(self, j: int) -> Vec:
         joint = self.robot.joints[j]
-        names = dict(joint.symbols) if self.letters else {}
+        r = self._length(j, "r")
+        return self._length(j, "d"), r if joint.revolute else r + self.graph.symbol(f"q{j + 1}"), self._length(j, "b")
 
-        def length(key: str) -> Scalar:
-            return self.graph.symbol(names[key]) if key in names else self.graph.constant(getattr(joint, key))
+    def inverse(self, j: int) -> Scalar:
+        """1/d of joint j, which is not zero."""
+        d = self._length(j, "d")
+        if d.value is not None:
+            return 1 / d.value
+        return self.graph.symbol(f"{dict(self.robot.joints[j].symbols).get('d', f'd{j + 1}')}i")
 
-        r = length("r")
-        return length("d"), r if joint.revolute else r + self.graph.symbol(f"q{j + 1}"), length("b")
-
-    def value(self, j: int, key: str) -> float | None:
-        """The offset as a number other than zero, None where it is a letter or zero."""
+    def _length(self, j: int, key: str) -> Expression:
         joint = self.robot.joints[j]
-        return None if self.letters and key in dict(joint.symbols) else getattr(joint, key) or None
+        name, value = dict(joint.symbols).get(key), getattr(joint, key)
+        if self.letters and value:
+            if name is not None and name == self.named:
+                return self.graph.constant(1)
+            if name is not None:
+                return self.graph.symbol(name if self.unit == 1.0 else f"{name}u")
+            if self.named is not None:
+                return self.graph.symbol(f"{key}{j + 1}u")
+        return self.graph.constant(value / self.unit)
 
 
 def turns_of(

@@ -22,7 +22,7 @@ from identify.symbolic.geometry import letters
 from identify.symbolic.inverse_dynamics import carried_parameters, symbolic_newton_euler
 from identify.symbolic.lagrange import symbolic_lagrange
 from identify.symbolic.link_motion import recurrence
-from identify.symbolic.representative import representative
+from identify.symbolic.representative import representative, written_with_letters
 
 
 def test_stored_torque_of_the_rx90() -> None:
@@ -80,7 +80,7 @@ def test_names_stand_for_what_they_say() -> None:
 def test_carried_parameters_have_the_values_of_the_representative(robot: Robot) -> None:
     """Letters for the lengths, and for a robot without letters numbers; at the RX-90's unequal lengths, so that one
     letter in place of the other shows."""
-    chosen, names = representative(robot), base_parameters(robot).names
+    (_, chosen), names = written_with_letters(robot), base_parameters(robot).names
     lengths = {sympy.Symbol(name): value for name, value in letters(robot)}
     found = carried_parameters(robot)
     assert len(found) == len(chosen.kept)

@@ -123,7 +123,7 @@ def _source(models: Models, samples: tuple[Sample, ...], poses: tuple[PoseSample
     constants = {name: f"constant[{k}]" for k, name in enumerate(used)}
     lines = [f'#include "{prefix}.h"', "", "#include <math.h>", "", *_data(models, prefix)]
     if used:
-        lines += ["/* The same parameters as the recurrences read them: second moments of the links they stand for. */"]
+        lines += ["/* The same as the recurrences read them: moments of bodies, in a unit of length of their own. */"]
         lines += [f"static const double constant[{len(used)}] = {{"]
         lines += [f"    {models.constants[name]!r}, /* {name} */" for name in used]
         lines += ["};", ""]

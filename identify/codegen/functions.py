@@ -226,7 +226,8 @@ def energy_functions(robot: Robot, regressor: Regressor) -> Function:
             for i, x in effort.items():
                 total = total + 0.5 * graph.symbol(f"dq{i + 1}") * x
             entries[at] = total
-    about = "Energy regressor: kinetic plus potential energy [J] = regressor · parameters, up to a constant."
+    about = "Energy regressor: kinetic plus potential energy [J] = regressor · parameters, up to a constant"
+    about += f"{_held_offsets(regressor)}."
     return Function("energy_regressor", ("q", "dq"), (regressor.p,), _made(graph, entries), about)
 
 
@@ -258,7 +259,15 @@ def coriolis(robot: Robot, regressor: Regressor) -> Function:
 def gravity(robot: Robot, regressor: Regressor) -> Function:
     graph = Graph()
     torque = _torque(graph, robot, Motion.of(graph, robot, dq=False, ddq=False))
-    return Function("gravity", ("q",), (robot.n,), _made(graph, dict(enumerate(torque))), "Gravity effort Q(q).")
+    about = f"Gravity effort Q(q){_held_offsets(regressor)}."
+    return Function("gravity", ("q",), (robot.n,), _made(graph, dict(enumerate(torque))), about)
+
+
+def _held_offsets(regressor: Regressor) -> str:
+    """Says which offsets the base parameters hold, because no motion tells them from a weight; empty where none."""
+    base = set(regressor.base.names)
+    names = [name for name, kept in regressor.dropped.items() if name.startswith("off") and base & kept.keys()]
+    return f"; holds {', '.join(names)}, like a weight" if names else ""
 
 
 def _frames(graph: Graph, robot: Robot) -> tuple[dict[int, tuple[Mat, Vec]], Mat, Vec]:

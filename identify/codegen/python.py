@@ -72,7 +72,7 @@ def _data(models: Models) -> list[str]:
         lines += ["])", "STANDARD_DEVIATIONS = np.sqrt(np.diag(COVARIANCE))"]
     return [
         *lines,
-        "# The same parameters as the recurrences read them: second moments of the links they stand for.",
+        "# The same as the recurrences read them: moments of bodies, in a unit of length of their own.",
         "CONSTANTS = {",
         *(f"    {name!r}: {x!r}," for name, x in models.constants.items()),
         "}",

@@ -35,7 +35,7 @@ class Regressor:
     `forms`: the further forms of friction. `dropped` {column: {kept column: factor}}: columns left out because they
     are combinations of others: the inertia of a motor coupled to two parallel axes, say, or the offset of a vertical
     sliding joint, whose mass and actuator inertia make the same constant force. A kept column's parameter then holds
-    factor × the dropped one besides its own.
+    factor × the dropped one besides its own: gravity and energy computed with it include that offset.
     """
 
     def __init__(self, robot: Robot, friction: bool | Collection[str] = True, compiler: bool | None = None) -> None:

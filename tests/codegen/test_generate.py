@@ -24,7 +24,7 @@ from identify.codegen.generate import generate, identifier, left_out
 from identify.errors import InputError
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
-from identify.robot.robot import Drive, Robot, Transmission
+from identify.robot.robot import Drive, Joint, Link, Robot, Transmission
 from identify.symbolic.expression import Graph, cos, evaluate, reachable, sin
 
 WARNINGS = ("-Wall", "-Wextra", "-Werror", "-Wpedantic", "-Wconversion", "-Wshadow", "-Wwrite-strings", "-std=c99")
@@ -381,3 +381,19 @@ def test_identifiers() -> None:
     # A file of that name beside a program would be imported in place of the library's.
     assert identifier("Math") == "robot_math"
     assert identifier("class") == "robot_class"
+
+
+def test_gravity_says_which_offset_it_holds() -> None:
+    """A vertical slide's offset and its weight are one constant force; an arm without slides has nothing to say."""
+    link, drive = Link(2.0, (0.1, 0.02, 0.03), (0.1, 0.01, 0.02, 0.2, 0.01, 0.15)), Drive(0.1, 0.2, 0.3, 0.4)
+    slide = Joint("slide", "prismatic", 0, d=0.4, link=link, drive=drive)
+    robot = Robot("crane", (Joint("turn", link=link, drive=drive), slide), (0.0, 0.0, -9.81))
+    regressor = Regressor(robot)
+    assert "off2" in regressor.dropped
+    space: dict = {}
+    exec(generate(robot, "python")["crane.py"], space)
+    assert "holds off2" in space["gravity"].__doc__
+    assert "holds off2" in space["energy_regressor"].__doc__
+    weight = oracle.inverse_dynamics(robot, *np.zeros((3, 1, 2)))[0]
+    np.testing.assert_allclose(space["gravity"]([0.0, 0.0]), weight + np.array([0.0, drive.offset]), rtol=1e-12)
+    assert "holds off" not in generate(load_robot("rx90"), "python")["staubli_rx_90.py"]

@@ -28,7 +28,7 @@ from identify.symbolic.written_out import written_out
 
 ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
-ARMS = range(8)
+ARMS = range(4)
 """Seeds of chains with prismatic joints, full inertias, general angles and lengths; every second one branches."""
 
 

@@ -18,10 +18,11 @@ if TYPE_CHECKING:
 def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Print a symbolic model of a robot."""
     from identify.robot.library import load_robot
+    from identify.symbolic.models import given_options, symbolic_model
 
     robot = load_robot(options.robot, options.joints, options.gravity)
-    if options.parameters and options.what != "lagrange":
-        raise InputError(f"--parameters {options.parameters}: {options.what} has no choice of parameters; leave it out")
+    chosen = {name: getattr(options, name) for name in ("parameters", "orientation", "frame", "decomposed")}
+    given_options(options.what, chosen)
     if options.current is not None and options.pose is None:
         raise InputError("--current: the position now matters for a pose alone; add --pose, or leave it out")
     if options.pose is not None:
@@ -52,10 +53,9 @@ def model(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             cost, beside = row.operations, str(row.chapter or "")
             print(f"{row.model:<46}{cost.multiplications:>7}{cost.additions:>7}   {beside}".rstrip())
         return 0
-    from identify.symbolic.models import symbolic_model
     from identify.symbolic.rendering import render
 
-    found = symbolic_model(robot, options.what, options.parameters)
+    found = symbolic_model(robot, options.what, **chosen)
     if not found.expressions and options.format in ("python", "c"):
         raise InputError(f"{robot.name}: {options.what}: no formula to print: {found.notes[-1]}")
     print(render(found, options.format), end="")

@@ -23,6 +23,7 @@ WHAT = (
     "operations",
 )
 PARAMETERS = ("standard", "base")
+ORIENTATIONS = ("cosines", "euler", "roll-pitch-yaw", "quaternion")
 FORMATS = ("text", "latex", "python", "c", "json")
 ROBOT_FORMATS = ("toml", "urdf", "mjcf")
 
@@ -321,7 +322,7 @@ def _model(commands: Any) -> None:
         "WHAT is one of\n"
         "  base-parameters     what can be identified, and how standard parameters are regrouped\n"
         "  direct-geometry     pose of the tool in the world\n"
-        "  inverse-geometry    joint positions for a pose, by Paul's method\n"
+        "  inverse-geometry    joint positions for a pose, by Paul's method; --pose: the solutions of one pose\n"
         "  jacobian            with its determinant and singular configurations\n"
         "  inverse-kinematics  joint velocities for a velocity of the last link\n"
         "  lagrange            energies, A, C, Q, friction and effort, in standard parameters\n"
@@ -337,6 +338,17 @@ def _model(commands: Any) -> None:
     command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
     command.add_argument("--parameters", choices=PARAMETERS, help="inertial parameters of lagrange (default: standard)")
+    command.add_argument("--orientation", choices=ORIENTATIONS, help="form in direct-geometry (default: cosines)")
+    command.add_argument(
+        "--frame",
+        metavar="I",
+        type=_frame,
+        help="axes of jacobian and inverse-kinematics: 0 the base, J the frame of joint J (default: the middle of the "
+        "chain); tool: jacobian of the tool in its own axes",
+    )
+    command.add_argument(
+        "--decomposed", action="store_true", help="jacobian as a product of three simple matrices, in R0 or --frame"
+    )
     command.add_argument(
         "--pose",
         metavar="POSE",
@@ -438,6 +450,14 @@ def _path(text: str) -> str:
 def _whole(text: str) -> int:
     if not (text.isascii() and text.isdigit()):
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+    return int(text)
+
+
+def _frame(text: str) -> int | str:
+    if text == "tool":
+        return text
+    if not (text.isascii() and text.isdigit() and len(text) < 5):
+        raise argparse.ArgumentTypeError(f"{text!r} is no frame: give a number, 0 for the base, or tool")
     return int(text)
 
 

@@ -324,7 +324,7 @@ def _without_singularities(robot: Robot, found: Determinant) -> str:
 
 def symbolic_jacobian(robot: Robot, frame: int | None = None) -> SymbolicModel:
     """ⁱJ_n as entries J11 … J6n in joint variables; the frame in the middle of the chain if none is given."""
-    frame = robot.n // 2 if frame is None else frame
+    frame = robot.n // 2 if frame is None else checked_frame(robot, frame)
     space = algebra(serial(robot))
     matrix = symbolic_matrix(robot, frame, None, space)
     names = {

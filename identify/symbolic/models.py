@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import sympy
 
@@ -51,14 +52,15 @@ def _in_statements(model: SymbolicModel) -> SymbolicModel:
         return model
     graph = Graph()
     outputs = {name: graph_of(graph, e) for name, e in model.expressions.items()}
-    results = tuple(Result(name, (name,)) for name in outputs)
+    results = model.results or tuple(Result(name, (name,)) for name in outputs)
     return replace(model, expressions=short_statements(outputs, {}), results=results)
 
 
-def _direct_geometry(robot: Robot) -> SymbolicModel:
+def _direct_geometry(robot: Robot, orientation: str = "cosines") -> SymbolicModel:
     from identify.symbolic.geometry import symbolic_direct_geometry
+    from identify.symbolic.orientation_model import with_orientation
 
-    return _in_statements(symbolic_direct_geometry(robot, placed=True))
+    return with_orientation(_in_statements(symbolic_direct_geometry(robot, placed=True)), orientation)
 
 
 def _inverse_geometry(robot: Robot) -> SymbolicModel:
@@ -67,16 +69,25 @@ def _inverse_geometry(robot: Robot) -> SymbolicModel:
     return symbolic_inverse_geometry(robot)
 
 
-def _jacobian(robot: Robot) -> SymbolicModel:
+def _jacobian(robot: Robot, frame: int | str | None = None, decomposed: bool = False) -> SymbolicModel:
     from identify.symbolic.jacobian import symbolic_jacobian
+    from identify.symbolic.jacobian_forms import symbolic_decomposed_jacobian, symbolic_tool_jacobian
 
-    return _in_statements(symbolic_jacobian(robot))
+    if isinstance(frame, str):
+        if decomposed:
+            raise InputError(f"{robot.name}: the three matrices are for a frame by number, not for the {frame}")
+        return _in_statements(symbolic_tool_jacobian(robot))
+    if decomposed:
+        return _in_statements(symbolic_decomposed_jacobian(robot, frame or 0))
+    return _in_statements(symbolic_jacobian(robot, frame))
 
 
-def _inverse_kinematics(robot: Robot) -> SymbolicModel:
+def _inverse_kinematics(robot: Robot, frame: int | str | None = None) -> SymbolicModel:
     from identify.symbolic.inverse_kinematics import symbolic_inverse_kinematics
 
-    return symbolic_inverse_kinematics(robot)
+    if isinstance(frame, str):
+        raise InputError(f"{robot.name}: the inverse is in the axes of a frame by number, not of the {frame}")
+    return symbolic_inverse_kinematics(robot, frame)
 
 
 def _lagrange(robot: Robot, parameters: str = "standard") -> SymbolicModel:
@@ -103,7 +114,7 @@ def _energy(robot: Robot) -> SymbolicModel:
     return symbolic_energy(robot)
 
 
-MODELS: dict[str, Callable[[Robot], SymbolicModel]] = {
+MODELS: dict[str, Callable[..., SymbolicModel]] = {
     "base-parameters": base_parameter_model,
     "direct-geometry": _direct_geometry,
     "inverse-geometry": _inverse_geometry,
@@ -117,18 +128,40 @@ MODELS: dict[str, Callable[[Robot], SymbolicModel]] = {
 """What `identify model --what` offers as named expressions; the table of operations is apart."""
 
 
-def symbolic_model(robot: Robot, what: str, parameters: str | None = None) -> SymbolicModel:
-    """The model of that name. InputError for a name that there is not, or a robot that the model is not for.
+OPTIONS: dict[str, tuple[str, ...]] = {
+    "direct-geometry": ("orientation",),
+    "jacobian": ("frame", "decomposed"),
+    "inverse-kinematics": ("frame",),
+    "lagrange": ("parameters",),
+}
+"""Which options each model has."""
 
-    parameters: "standard" (if not given) or "base" ones in Lagrange's equations; other models have no choice.
+
+def symbolic_model(robot: Robot, what: str, **options: Any) -> SymbolicModel:
+    """The model of that name. InputError for a name that there is not, or a robot or option that it is not for.
+
+    parameters: "standard" (if not given) or "base" ones in Lagrange's equations. orientation: one of ORIENTATIONS, in
+    direct geometry. frame: number of the frame in whose axes Jacobian or inverse kinematics are (the middle of the
+    chain), "tool" for the Jacobian of the tool in its own axes. decomposed: the Jacobian as three matrices [2.30], in
+    R0 if no frame is given.
     """
     if what not in MODELS:
         raise InputError(f"what is {what!r}; choose one of {', '.join(MODELS)}")
-    model = _lagrange(robot, parameters) if what == "lagrange" and parameters else MODELS[what](robot)
+    model = MODELS[what](robot, **given_options(what, options))
     twice = sorted({*model.expressions, *model.inputs} & {name for name, _ in model.lengths})
     if twice:
         raise InputError(f"{robot.name}: {what} has a variable {twice[0]}; give the length of that name another letter")
     return replace(model, notes=(_legend(robot), *model.notes))
+
+
+def given_options(what: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options that are given, neither None nor False. InputError for one that is not for this model."""
+    given = {name: value for name, value in options.items() if value is not None and value is not False}
+    for name in given:
+        if name not in OPTIONS.get(what, ()):
+            those = " or ".join(model for model in OPTIONS if name in OPTIONS[model])
+            raise InputError(f"--{name}: {what} has no choice of this, {those} has; leave it out")
+    return given
 
 
 def _legend(robot: Robot) -> str:

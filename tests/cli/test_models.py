@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 import identify
-from identify.cli.parser import FORMATS, PARAMETERS, WHAT
-from identify.symbolic import constants, rendering
+from identify.cli.parser import FORMATS, ORIENTATIONS, PARAMETERS, WHAT
+from identify.symbolic import constants, orientation_model, rendering
 from identify.symbolic.models import MODELS
 
 
@@ -20,6 +20,7 @@ def test_the_help_offers_what_there_is() -> None:
     assert set(WHAT) == {*MODELS, "operations"}
     assert FORMATS == rendering.FORMATS
     assert PARAMETERS == constants.PARAMETERS
+    assert ORIENTATIONS == orientation_model.ORIENTATIONS
 
 
 @pytest.mark.parametrize("what", WHAT)
@@ -102,7 +103,7 @@ def test_models_without_a_formula_are_refused_alike_in_every_form(run, slide_bet
         (oblique, "inverse-geometry", "no known type of equation gives q1, q2, q3, q4, q5, q6"),
     )
     for file, what, reason in cases:
-        for form in FORMATS:
+        for form in FORMATS if file is slide_between else ("text", "c"):
             told = run("model", file, "--what", what, "--format", form)
             assert (told.status, told.out) == (2, ""), form
             assert told.err.count("\n") == 1
@@ -139,7 +140,7 @@ def test_lagrange_in_base_parameters_and_no_other_model(run) -> None:
     assert "base inertial parameters" in shown.out
     other = run("model", "rx90", "--what", "energy", "--parameters", "base")
     assert other.status == 2
-    assert "energy has no choice of parameters" in other.err
+    assert "energy has no choice of this, lagrange has" in other.err
 
 
 def test_a_length_with_the_name_of_a_variable_is_refused(run, tmp_path: Path) -> None:
@@ -149,6 +150,30 @@ def test_a_length_with_the_name_of_a_variable_is_refused(run, tmp_path: Path) ->
     assert told.status == 2
     assert told.err.count("\n") == 1
     assert "joint 'slide': symbols.d: 'U' can't be a symbol; printed models use it" in told.err
+
+
+@pytest.mark.parametrize(
+    ("what", "option", "owner"),
+    [
+        ("energy", "--decomposed", "jacobian has"),
+        ("operations", "--frame=2", "jacobian or inverse-kinematics has"),
+        ("jacobian", "--orientation=euler", "direct-geometry has"),
+    ],
+)
+def test_options_of_other_models_are_refused(run, what: str, option: str, owner: str) -> None:
+    told = run("model", "rx90", "--what", what, option)
+    assert (told.status, told.out, told.err.count("\n")) == (2, "", 1)
+    assert f"{option.split('=')[0]}: {what} has no choice of this, {owner}" in told.err
+
+
+def test_frames_there_are_not_are_refused(run) -> None:
+    for what in ("jacobian", "inverse-kinematics"):
+        assert "frames are numbered 0 to 6" in run("model", "rx90", "--what", what, "--frame", "7").err
+        assert "in the axes of R0" in run("model", "rx90", "--what", what, "--frame", "0").out
+        assert "is no frame" in run("model", "rx90", "--what", what, "--frame=-1").err
+    assert "frames are numbered 0 to 6" in run("model", "rx90", "--what", "jacobian", "--frame=9", "--decomposed").err
+    assert run("model", "rx90", "--what", "jacobian", "--frame=tool", "--decomposed").status == 2
+    assert run("model", "rx90", "--what", "inverse-kinematics", "--frame=tool").status == 2
 
 
 def test_a_table_has_no_code(run) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 from identify.symbolic.expression import Expression
@@ -120,10 +121,19 @@ def written_out(
         whole[name] = expression.xreplace({sympy.Symbol(k): e for k, e in whole.items()})
     functions: dict[sympy.Symbol, sympy.Expr] = {}
     waves: dict[sympy.Symbol, Wave] = {}
-    for angle in sorted({call.args[0] for call in calls}, key=lambda a: sorted(harmonic(a).items())):
+    read_angles = sorted({call.args[0] for call in calls}, key=lambda a: sorted(harmonic(a).items()))
+    # Products of cosines and sines may be those of a sum or difference: C2 C4 - S2 S4 is C24.
+    sums = [
+        angle + s * other
+        for angle, other in combinations(read_angles, 2)
+        for s in (1, -1)
+        if not angle.free_symbols & other.free_symbols
+    ]
+    for angle in (*read_angles, *sums):
         wave, sign = canonical(harmonic(angle))
         for symbol, function in zip(trigonometric(wave), (sympy.cos, sympy.sin), strict=True):
-            functions[symbol], waves[symbol] = function(sign * angle), wave
+            functions.setdefault(symbol, function(sign * angle))
+            waves[symbol] = wave
     angles = Angles(functions, waves)
     back = {e: symbol for symbol, e in functions.items()}
     found = {name: angles.short(whole[name].xreplace(back)) for name in outputs}

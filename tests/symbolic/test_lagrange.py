@@ -306,3 +306,15 @@ def test_an_arm_without_revolute_joints_has_no_angles() -> None:
         assert found[f"A{i + 1}{i + 1}"] == ia[i] + sum(m[i:])
     assert [found[x] for x in ("A12", "A13", "A23", "Q2", "Q3")] == [0] * 5
     assert found["Q1"] == sympy.expand(-sympy.Symbol("G3") * sum(m))
+
+
+def test_sums_of_angles_across_a_slide_have_one_name() -> None:
+    """C2 C4 - S2 S4 is C24 although the slide between them ends the run of parallel axes."""
+    turn = carrier().joints[0]
+    places: tuple[dict, ...] = ({}, {"d": 0.4}, {"d": 0.3, "type": "prismatic"}, {})
+    joints = tuple(replace(turn, name=f"j{k}", parent=k - 1, **place) for k, place in enumerate(places))
+    found = symbolic_lagrange(Robot("scara", joints, (0.0, 0.0, -9.81))).expressions
+    assert "C24" in found
+    for name in ("A11", "A14", "A44"):
+        for term in sympy.expand(found[name]).as_ordered_terms():
+            assert len(term.free_symbols & {sympy.Symbol(x) for x in ("C2", "S2", "C4", "S4")}) <= 1, term

@@ -27,8 +27,8 @@ def refine(
 ) -> tuple[np.ndarray, np.ndarray]:
     """q (N, n) brought nearer to pose (N, 4, 4), and (N,) the largest entry of the remaining error.
 
-    Takes off rounding errors that a formula near the edge of the workspace amplifies; never makes one worse. Positions with an error
-    above `within` are left as they are.
+    Takes off rounding errors that a formula near the edge of the workspace amplifies; never makes one worse.
+    Positions with an error above `within` are left as they are.
     """
     q = q.copy()
     error, size = pose_error(robot, q, pose)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.errors import InputError, LogError, OutputError, UnsupportedLogError
+from identify.errors import InputError, LogError, UnsupportedLogError
 from identify.logs.log import Log
 from identify.robot.robot import Robot
 
@@ -62,10 +62,10 @@ def run_experiment(
 
     The log is written while the plant runs; a run that is killed leaves LOG.mcap.partial, which can be read.
     """
-    from identify.experiment.simulation import record_experiment, refuse_existing
+    from identify.experiment.simulation import record_experiment, refuse_existing_log
     from identify.logs.reading import read_log
 
-    refuse_existing(Path(path), force)
+    refuse_existing_log(Path(path), force)
     if trajectory is None:
         trajectory = excite(robot, progress=progress)
     record_experiment(robot, trajectory.for_robot(robot), Path(path), noise, seed, force, progress)
@@ -142,11 +142,12 @@ def fit_to_folder(
     Returns the record; its verdict's status tells the two apart.
     """
     from identify import record as records
-    from identify.estimation.identification import check_folder, save_folder
+    from identify.estimation.identification import RECORD, save_folder
+    from identify.logs.folders import check_replaceable
     from identify.report.page import render
     from identify.validation.verdict import rejected
 
-    check_folder(Path(folder), force)
+    check_replaceable(folder, RECORD, force)
     curves: dict[str, np.ndarray]
     try:
         result = fit(logs, robot, test, model, estimator, command, progress, friction)
@@ -169,11 +170,10 @@ def export(result: Folder, form: str, path: Folder, force: bool = False) -> tupl
     """
     from identify.estimation.identification import Identification
     from identify.estimation.identified_robot import exported
-    from identify.logs.files import replacing
+    from identify.logs.files import refuse_existing, replacing
 
     text, lost = exported(Identification.load(result), form)
-    if Path(path).exists() and not force:
-        raise OutputError(f"{path}: exists; choose another name, or replace it with --force")
+    refuse_existing(path, force)
     with replacing(Path(path)) as stream:
         stream.write(text.encode())
     return lost
@@ -181,13 +181,14 @@ def export(result: Folder, form: str, path: Folder, force: bool = False) -> tupl
 
 def demo(folder: Folder, force: bool = False, progress: Progress = None) -> dict[str, Any]:
     """The whole path on the built-in RX-90: design, simulate, log, identify, test on an unseen motion, report."""
-    from identify.estimation.identification import check_folder
+    from identify.estimation.identification import RECORD
     from identify.experiment.trajectory import random_trajectory
+    from identify.logs.folders import check_replaceable
     from identify.logs.reading import read_log
     from identify.robot.library import load_robot
 
     place = Path(folder)
-    check_folder(place / "result", force)
+    check_replaceable(place / "result", RECORD, force)
     place.mkdir(parents=True, exist_ok=True)
     robot = load_robot("rx90")
 
@@ -240,7 +241,7 @@ def _identified(
     from identify.estimation.identification import Identification
     from identify.validation import cross_check, held_out
     from identify.validation.truth import true_parameters
-    from identify.validation.verdict import verdict
+    from identify.validation.verdict import refusals_of_fit, verdict
 
     tell = progress or (lambda share, text: None)
     robot = regressor.robot
@@ -249,6 +250,8 @@ def _identified(
     regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
     tell(0.7, "residuals and held-out logs")
     figures, curves = _on_training(both, chosen, train)
+    if reasons := refusals_of_fit(model, figures):
+        raise UnsupportedLogError(*reasons)
     nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
     tests = []
     for k, log in enumerate(test):

@@ -13,8 +13,7 @@ from typing import Any
 
 from identify.batch.processes import Done, Step, over_processes
 from identify.batch.reduction import FAILED, Options, Progress, failed, fit_log
-from identify.batch.sources import RESULT_MARKS, Source
-from identify.errors import OutputError
+from identify.batch.sources import Source
 
 FORMAT = "identify/batch/1"
 RECORD, PAGE, LOGS, PARAMETERS = "summary.json", "summary.html", "summary.csv", "parameters.csv"
@@ -42,11 +41,11 @@ def fit_batch(
     logs. RobotError, InputError or OutputError where no log could be fitted at all.
     """
     from identify.estimation.fitting import check_choice
-    from identify.logs.folders import replacing_folder
+    from identify.logs.folders import check_replaceable, replacing_folder
     from identify.robot.library import load_robot
 
     target = Path(folder)
-    check_target(target, force)
+    check_replaceable(target, RECORD, force)
     load_robot(robot, options.joints, options.gravity)  # type: ignore[arg-type]
     check_choice(options.model, options.estimator)
     with replacing_folder(target) as part:
@@ -109,21 +108,6 @@ def files(summary: dict[str, Any]) -> dict[str, str]:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def check_target(target: Path, force: bool) -> None:
-    """OutputError where a batch may not be written: it exists without force, or is something else."""
-    from identify.logs.folders import clear_leftovers
-
-    clear_leftovers(target)
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise OutputError(f"{target}: is a file; give the name of a folder")
-    if not force:
-        raise OutputError(f"{target}: exists; choose another name, or replace it with --force")
-    if any(target.iterdir()) and not (target / RESULT_MARKS[1]).is_file():
-        raise OutputError(f"{target}: holds other things than a batch; --force only replaces batches")
 
 
 def _gathered(

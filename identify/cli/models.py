@@ -66,7 +66,7 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Write a robot's models as C or Python that a controller can carry."""
     from identify.cli.progress import progress_line
     from identify.codegen.generate import generate, left_out
-    from identify.logs.files import replacing
+    from identify.logs.files import refuse_existing, replacing
     from identify.robot.library import load_robot
 
     robot = load_robot(options.robot, options.joints, options.gravity)
@@ -89,9 +89,8 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         files = generate(robot, options.language, parameters, covariance, friction, coulomb_velocity)
         missing = left_out(robot)
     folder = Path(options.output)
-    there = [name for name in files if (folder / name).exists()]
-    if there and not options.force:
-        raise OutputError(f"{folder / there[0]}: exists; choose another folder, or replace it with --force")
+    for name in files:
+        refuse_existing(folder / name, options.force)
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file; give the name of a folder")
     try:

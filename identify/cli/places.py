@@ -8,6 +8,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from identify.errors import OutputError
+from identify.logs.files import refuse_existing
+from identify.logs.folders import check_replaceable
 
 
 def check_file(path: str, suffixes: Sequence[str], force: bool, inputs: Sequence[str] = ()) -> None:
@@ -21,12 +23,9 @@ def check_file(path: str, suffixes: Sequence[str], force: bool, inputs: Sequence
     if target.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: must end in {' or '.join(suffixes)}, as that is what is written")
     _refuse_unwritable(target, path)
-    if not os.path.lexists(target):
-        return
     if any(_same(target, Path(name)) for name in inputs):
         raise OutputError(f"{path}: is read by this very command; write to another name")
-    if not force:
-        raise OutputError(f"{path}: exists already; pass --force to replace it, or give another name")
+    refuse_existing(path, force)
 
 
 def check_folder(path: str, mark: str, force: bool, inputs: Sequence[str] = ()) -> None:
@@ -36,17 +35,10 @@ def check_folder(path: str, mark: str, force: bool, inputs: Sequence[str] = ()) 
     else's and is never replaced. inputs: files that the command reads, which are never deleted with the folder.
     """
     target = Path(path)
-    if os.path.lexists(target) and not target.is_dir():
-        raise OutputError(f"{path}: is a file; give the name of a folder that is not there yet")
     _refuse_unwritable(target, path)
-    if not target.is_dir():
-        return
-    if any(_inside(Path(name), target) for name in inputs):
+    if target.is_dir() and any(_inside(Path(name), target) for name in inputs):
         raise OutputError(f"{path}: holds files that this very command reads; write to another folder")
-    if any(target.iterdir()) and not (target / mark).is_file():
-        raise OutputError(f"{path}: holds something else than results of this command; give the name of a new folder")
-    if not force:
-        raise OutputError(f"{path}: exists already; pass --force to replace it, or give another name")
+    check_replaceable(path, mark, force)
 
 
 @contextmanager

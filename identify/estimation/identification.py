@@ -11,10 +11,10 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from identify.errors import InputError, OutputError
+from identify.errors import InputError
 from identify.estimation.motion import clock, motion_pieces
 from identify.estimation.settings import Settings
-from identify.logs.folders import clear_leftovers, replacing_folder
+from identify.logs.folders import check_replaceable, replacing_folder
 from identify.logs.log import Log
 from identify.logs.slicing import select
 from identify.regressor.columns import MORE
@@ -165,7 +165,7 @@ def save_folder(
     from identify.robot.toml import write_toml
 
     target = Path(folder)
-    check_folder(target, force)
+    check_replaceable(target, RECORD, force)
     with replacing_folder(target) as part:
         text = json.dumps(record, indent=1, ensure_ascii=False, allow_nan=False)
         (part / RECORD).write_text(text + "\n", encoding="utf-8")
@@ -175,16 +175,3 @@ def save_folder(
         for name, content in (extra or {}).items():
             (part / name).write_text(content, encoding="utf-8")
     return target
-
-
-def check_folder(target: Path, force: bool) -> None:
-    """OutputError where a result folder may not be written: it exists without force, or is something else."""
-    clear_leftovers(target)
-    if not target.exists():
-        return
-    if not target.is_dir():
-        raise OutputError(f"{target}: is a file; give the name of a folder")
-    if not force:
-        raise OutputError(f"{target}: exists; choose another name, or replace it with --force")
-    if any(target.iterdir()) and not (target / RECORD).is_file():
-        raise OutputError(f"{target}: holds other things than a result; --force only replaces result folders")

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.errors import OutputError
 from identify.experiment.plant import TIMESTEP, run_plant
 from identify.experiment.sensors import Sensors, check_noise, findings_entry, measure, provenance
 from identify.experiment.trajectory import Trajectory
-from identify.logs.files import digest, replacing
+from identify.logs.files import digest, refuse_existing, replacing
 from identify.logs.log import Log
 from identify.logs.mcap_writer import Recorder, recording, write_mcap
 from identify.robot.robot import Robot
@@ -97,7 +96,7 @@ def record_experiment(
     """
     check_noise(noise, seed)
     path = Path(path)
-    refuse_existing(path, force)
+    refuse_existing_log(path, force)
     tell = progress or (lambda fraction, text: None)
     attachments = _attachments(write_toml(robot), trajectory.to_toml())
     # Noise that is a share of the run's largest effort can't be known before its end.
@@ -137,16 +136,15 @@ def save_experiment(
     The truth file also gets the log's digest, so that it can't be taken for another log's. OutputError if either
     file is there and `force` is False, or where they can't be written.
     """
-    refuse_existing(Path(path), force)
+    refuse_existing_log(Path(path), force)
     write_mcap(log, path, _attachments(robot_toml, trajectory_toml))
     _save_truth(truth, Path(path))
 
 
-def refuse_existing(path: Path, force: bool) -> None:
+def refuse_existing_log(path: Path, force: bool) -> None:
     """OutputError if a log, or its truth, is at `path` already and `force` is False."""
     for target in (path, truth_path(path)):
-        if target.exists() and not force:
-            raise OutputError(f"{target}: exists already; choose another name, or give --force to replace it")
+        refuse_existing(target, force)
 
 
 def _attachments(robot_toml: str, trajectory_toml: str) -> dict[str, bytes]:

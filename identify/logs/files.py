@@ -13,6 +13,12 @@ from typing import BinaryIO
 from identify.errors import OutputError
 
 
+def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
+    """Raise OutputError where there is something at `path` already and `force` is not set."""
+    if os.path.lexists(path) and not force:
+        raise OutputError(f"{path}: exists already; pass --force to replace it, or give another name")
+
+
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     """Open a file beside `path` for writing and rename it to `path` once all of it is on the disk.

@@ -11,6 +11,22 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from identify.errors import OutputError
+from identify.logs.files import refuse_existing
+
+
+def check_replaceable(path: str | os.PathLike[str], mark: str, force: bool) -> None:
+    """Raise OutputError unless a folder may be made at `path`, or an older one of its kind replaced there.
+
+    mark: the file in it, relative to the folder, by which an older one is known; a folder without it is somebody
+    else's and is never replaced. What killed runs left beside `path` is cleared first.
+    """
+    target = Path(path)
+    clear_leftovers(target)
+    if os.path.lexists(target) and not target.is_dir():
+        raise OutputError(f"{path}: is a file; give the name of a folder that is not there yet")
+    if target.is_dir() and any(target.iterdir()) and not (target / mark).is_file():
+        raise OutputError(f"{path}: holds something else than results of this command; give the name of a new folder")
+    refuse_existing(path, force)
 
 
 @contextmanager

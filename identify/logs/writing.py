@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from identify.errors import OutputError
-from identify.logs.files import replacing
+from identify.logs.files import refuse_existing, replacing
 from identify.logs.log import Log
 
 _TIME_DECIMALS = 9
@@ -43,12 +43,6 @@ def save(
         raise OutputError(f"{path}: a CSV file takes no attachments; write .mcap")
     channels = [values for values in (log.position, log.velocity, log.effort) if values is not None]
     write_table(path, own_header(log.joints, log.velocity is not None, log.effort is not None), log.time, *channels)
-
-
-def refuse_existing(path: str | os.PathLike[str], force: bool) -> None:
-    """Raise OutputError where there is something at `path` already and `force` is not set."""
-    if Path(path).exists() and not force:
-        raise OutputError(f"{path}: exists already; pass --force to replace it, or give another name")
 
 
 def write_table(path: str | os.PathLike[str], header: list[str], time: np.ndarray, *columns: np.ndarray) -> None:

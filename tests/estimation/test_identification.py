@@ -106,7 +106,7 @@ def test_force_replaces_results_alone(tmp_path: Path) -> None:
     mine = tmp_path / "photographs"
     mine.mkdir()
     (mine / "cat.jpg").write_bytes(b"cat")
-    with pytest.raises(OutputError, match="holds other things than a result"):
+    with pytest.raises(OutputError, match="holds something else than results"):
         fitted().save(mine, force=True)
     with pytest.raises(OutputError, match="is a file"):
         fitted().save(mine / "cat.jpg", force=True)

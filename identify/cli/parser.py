@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import math
 from typing import Any, NoReturn
 
 from identify import __version__
+from identify.cli.options import (
+    LOG,
+    as_json,
+    count,
+    duration,
+    fitting,
+    frame,
+    output,
+    path,
+    reading,
+    result,
+    robot,
+    seconds,
+    seed,
+)
 
 ESTIMATORS = ("ols", "wls")
 NOISES = ("none", "standard", "high")
@@ -26,10 +40,6 @@ PARAMETERS = ("standard", "base")
 ORIENTATIONS = ("cosines", "euler", "roll-pitch-yaw", "quaternion")
 FORMATS = ("text", "latex", "python", "c", "json")
 ROBOT_FORMATS = ("toml", "urdf", "mjcf")
-
-_ROBOT = "built-in name (rx90, tx40), or a .toml, .urdf or MJCF .xml file"
-_LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
-_MAP = "TOML file that says what the columns of a table mean"
 
 _DESCRIPTION = "Inertial and friction parameters of a robot arm from its logs."
 _EPILOG = """\
@@ -106,7 +116,7 @@ def _demo(commands: Any) -> None:
         "first and tests on the second. DIR gets trajectory.toml, train.mcap, test.mcap and result/.",
         "identify demo -o demo",
     )
-    _output(command, "DIR", "folder to write", default="demo")
+    output(command, "DIR", "folder to write", default="demo")
 
 
 def _excite(commands: Any) -> None:
@@ -118,9 +128,8 @@ def _excite(commands: Any) -> None:
         "acceleration and effort.",
         "identify excite rx90 -o trajectory.toml --criterion torque --seed 1",
     )
-    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
-    _output(command, "TRAJECTORY.toml", "file to write")
+    robot(command)
+    output(command, "TRAJECTORY.toml", "file to write")
     command.add_argument(
         "--criterion",
         choices=("torque", "energy", "both"),
@@ -128,9 +137,9 @@ def _excite(commands: Any) -> None:
         help="model whose parameters the motion is designed for (default: %(default)s)",
     )
     command.add_argument(
-        "--duration", type=_duration, default=10.0, metavar="S", help="length of one period (default: %(default)g s)"
+        "--duration", type=duration, default=10.0, metavar="S", help="length of one period (default: %(default)g s)"
     )
-    _seed(command, "of the design's random start")
+    seed(command, "of the design's random start")
 
 
 def _simulate(commands: Any) -> None:
@@ -142,14 +151,13 @@ def _simulate(commands: Any) -> None:
         "Writes LOG.mcap and, beside it, LOG.truth.json with the true parameters, which no fit reads.",
         "identify simulate rx90 --trajectory trajectory.toml --noise high -o run.mcap",
     )
-    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
-    _output(command, "LOG.mcap", "log to write")
+    robot(command)
+    output(command, "LOG.mcap", "log to write")
     command.add_argument(
         "--trajectory", metavar="TRAJECTORY.toml", help="motion, as `identify excite` writes it (default: design one)"
     )
     command.add_argument("--noise", choices=NOISES, default="standard", help="sensor noise (default: %(default)s)")
-    _seed(command, "of the noise")
+    seed(command, "of the noise")
 
 
 def _import(commands: Any) -> None:
@@ -162,11 +170,10 @@ def _import(commands: Any) -> None:
         "identify import measured.csv --map measured.toml -o run.mcap --start 2 --stop 30",
     )
     command.add_argument("table", metavar="TABLE", help="table, folder of tables, or log")
-    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; needed for tables that identify did not write")
-    _topic(command)
-    _output(command, "LOG", "log to write, .mcap or .csv")
-    command.add_argument("--start", type=_seconds, metavar="S", help="leave out what comes before S seconds")
-    command.add_argument("--stop", type=_seconds, metavar="S", help="leave out what comes at S seconds or later")
+    reading(command, "; needed for tables that identify did not write")
+    output(command, "LOG", "log to write, .mcap or .csv")
+    command.add_argument("--start", type=seconds, metavar="S", help="leave out what comes before S seconds")
+    command.add_argument("--stop", type=seconds, metavar="S", help="leave out what comes at S seconds or later")
 
 
 def _inspect(commands: Any) -> None:
@@ -179,15 +186,13 @@ def _inspect(commands: Any) -> None:
         "In a terminal, every joint's curves are drawn.",
         "identify inspect run.mcap --robot rx90",
     )
-    command.add_argument("log", metavar="LOG", help=_LOG)
-    command.add_argument("--robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
-    command.add_argument("--map", metavar="MAP.toml", help=_MAP)
-    _topic(command)
+    command.add_argument("log", metavar="LOG", help=LOG)
+    robot(command, option=True)
+    reading(command)
     command.add_argument("--picture", action="store_true", help="draw the curves even where the output is no terminal")
-    command.add_argument("--html", metavar="FILE", type=_path, help="write a page with findings and curves")
+    command.add_argument("--html", metavar="FILE", type=path, help="write a page with findings and curves")
     command.add_argument("--force", action="store_true", help="replace FILE where it exists")
-    _json(command)
+    as_json(command)
 
 
 def _recover(commands: Any) -> None:
@@ -200,8 +205,8 @@ def _recover(commands: Any) -> None:
         "identify recover run.mcap.partial -o run.mcap",
     )
     command.add_argument("log", metavar="LOG", help="MCAP file, whatever state it is in")
-    _output(command, "LOG.mcap", "file to write")
-    _json(command)
+    output(command, "LOG.mcap", "file to write")
+    as_json(command)
 
 
 def _fit(commands: Any) -> None:
@@ -214,16 +219,10 @@ def _fit(commands: Any) -> None:
         "reject, its reasons and no parameters, and exit status 1.",
         "identify fit run1.mcap run2.mcap --robot my_arm.urdf --test other.mcap -o result",
     )
-    command.add_argument("logs", metavar="LOG", nargs="+", help=_LOG)
-    command.add_argument("--robot", metavar="ROBOT", required=True, help=_ROBOT)
-    _chosen(command)
-    _output(command, "DIR", "result folder to write")
-    command.add_argument(
-        "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test the result on"
-    )
-    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; holds for every LOG that is a table")
-    _topic(command)
-    _model_choice(command)
+    command.add_argument("logs", metavar="LOG", nargs="+", help=LOG)
+    robot(command, option=True, required=True)
+    output(command, "DIR", "result folder to write")
+    fitting(command, "the result", "; holds for every LOG that is a table")
     command.add_argument(
         "--estimator",
         choices=(*ESTIMATORS, "all"),
@@ -237,7 +236,7 @@ def _fit(commands: Any) -> None:
         help="forms of friction beside viscous, Coulomb and offset: cube_root, presliding, both with a comma between, "
         "or plain for none (default: %(default)s, those that cross-validation finds worth it)",
     )
-    _json(command)
+    as_json(command)
 
 
 def _predict(commands: Any) -> None:
@@ -249,12 +248,11 @@ def _predict(commands: Any) -> None:
         "sample, t in seconds from the log's first sample.",
         "identify predict result other.mcap -o torque.csv",
     )
-    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
-    command.add_argument("log", metavar="LOG", help=_LOG)
-    _output(command, "TORQUE.csv", "table to write")
-    command.add_argument("--map", metavar="MAP.toml", help=_MAP)
-    _topic(command)
-    _json(command)
+    result(command)
+    command.add_argument("log", metavar="LOG", help=LOG)
+    output(command, "TORQUE.csv", "table to write")
+    reading(command)
+    as_json(command)
 
 
 def _batch(commands: Any) -> None:
@@ -270,23 +268,17 @@ def _batch(commands: Any) -> None:
         "identify batch recordings --robot my_arm.urdf -o fleet",
     )
     command.add_argument("folder", metavar="FOLDER", help="folder with logs, in sub-folders or not")
-    command.add_argument("--robot", metavar="ROBOT", required=True, help=_ROBOT)
-    _chosen(command)
-    _output(command, "DIR", "folder to write")
-    command.add_argument(
-        "--test", metavar="LOG", nargs="+", action="extend", default=[], help="logs to test every result on"
-    )
-    command.add_argument("--map", metavar="MAP.toml", help=f"{_MAP}; with it, tables count as logs")
-    _topic(command)
-    _model_choice(command)
+    robot(command, option=True, required=True)
+    output(command, "DIR", "folder to write")
+    fitting(command, "every result", "; with it, tables count as logs")
     command.add_argument(
         "--estimator",
         choices=ESTIMATORS,
         default="wls",
         help="ordinary or weighted least squares (default: %(default)s)",
     )
-    command.add_argument("--jobs", type=_jobs, metavar="N", help="logs to fit at once (default: as many as cores)")
-    _json(command)
+    command.add_argument("--jobs", type=count, metavar="N", help="logs to fit at once (default: as many as cores)")
+    as_json(command)
 
 
 def _check(commands: Any) -> None:
@@ -298,9 +290,8 @@ def _check(commands: Any) -> None:
         "random states with both libraries. Exit status 1 where they disagree.",
         "identify check my_arm.urdf",
     )
-    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
-    _json(command)
+    robot(command)
+    as_json(command)
 
 
 def _report(commands: Any) -> None:
@@ -311,7 +302,7 @@ def _report(commands: Any) -> None:
         "Reads parameters.json and the curves beside it; computes nothing.",
         "identify report result",
     )
-    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+    result(command)
 
 
 def _model(commands: Any) -> None:
@@ -333,8 +324,7 @@ def _model(commands: Any) -> None:
         "Lengths stay letters where the robot file names them.",
         "identify model rx90 --what inverse-geometry --format python",
     )
-    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
+    robot(command)
     command.add_argument("--what", required=True, choices=WHAT, metavar="WHAT", help=", ".join(WHAT))
     command.add_argument("--format", choices=FORMATS, default="text", help="form of the text (default: %(default)s)")
     command.add_argument("--parameters", choices=PARAMETERS, help="inertial parameters of lagrange (default: standard)")
@@ -342,7 +332,7 @@ def _model(commands: Any) -> None:
     command.add_argument(
         "--frame",
         metavar="I",
-        type=_frame,
+        type=frame,
         help="axes of jacobian and inverse-kinematics: 0 the base, J the frame of joint J (default: the middle of the "
         "chain); tool: jacobian of the tool in its own axes",
     )
@@ -372,14 +362,13 @@ def _codegen(commands: Any) -> None:
         "and gravity effort, direct and inverse geometry, Jacobian. Each file carries a self-test (C: -DSELF_TEST).",
         "identify codegen rx90 --parameters result -o controller",
     )
-    command.add_argument("robot", metavar="ROBOT", help=_ROBOT)
-    _chosen(command)
-    _output(command, "DIR", "folder to write the files to")
+    robot(command)
+    output(command, "DIR", "folder to write the files to")
     command.add_argument("--language", choices=("c", "python"), default="c", help="language (default: %(default)s)")
     command.add_argument(
         "--parameters",
         metavar="DIR",
-        type=_path,
+        type=path,
         help="result folder whose parameters go in (default: the robot file's)",
     )
 
@@ -394,102 +383,6 @@ def _export(commands: Any) -> None:
         "is named in it and on stdout.",
         "identify export result --format mjcf -o my_arm.xml",
     )
-    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+    result(command)
     command.add_argument("--format", choices=ROBOT_FORMATS, required=True, help="format of the robot file")
-    _output(command, "FILE", "robot file to write, .toml, .urdf or .xml")
-
-
-def _chosen(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--joints",
-        metavar="NAMES",
-        default="",
-        help="joints to keep, with commas between; the others are held at 0, or where NAME=POSITION says "
-        "(rad, m). With positions alone, all others are kept",
-    )
-    command.add_argument(
-        "--gravity",
-        metavar="X,Y,Z",
-        type=_three,
-        help="gravity in the frame the file is given in, m/s², for an arm on a wall: --gravity=-9.81,0,0",
-    )
-
-
-def _output(command: argparse.ArgumentParser, metavar: str, text: str, default: str | None = None) -> None:
-    shown = f"{text} (default: {default})" if default else text
-    command.add_argument(
-        "-o", "--output", metavar=metavar, required=default is None, default=default, type=_path, help=shown
-    )
-    command.add_argument("--force", action="store_true", help="replace what is there already, whole or not at all")
-
-
-def _model_choice(command: argparse.ArgumentParser) -> None:
-    command.add_argument(
-        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
-    )
-
-
-def _topic(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--topic", metavar="TOPIC", help="joint states of an MCAP file (default: found by itself)")
-
-
-def _json(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--json", action="store_true", help="print one JSON object instead of text")
-
-
-def _seed(command: argparse.ArgumentParser, what: str) -> None:
-    command.add_argument("--seed", type=_whole, default=0, metavar="N", help=f"seed {what} (default: %(default)s)")
-
-
-def _path(text: str) -> str:
-    if not text:
-        raise argparse.ArgumentTypeError("the name is empty")
-    return text
-
-
-def _whole(text: str) -> int:
-    if not (text.isascii() and text.isdigit()):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
-    return int(text)
-
-
-def _frame(text: str) -> int | str:
-    if text == "tool":
-        return text
-    if not (text.isascii() and text.isdigit() and len(text) < 5):
-        raise argparse.ArgumentTypeError(f"{text!r} is no frame: give a number, 0 for the base, or tool")
-    return int(text)
-
-
-def _jobs(text: str) -> int:
-    number = _whole(text)
-    if not number:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
-    return number
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
-    return value
-
-
-def _three(text: str) -> tuple[float, ...]:
-    try:
-        values = tuple(float(word) for word in text.split(","))
-    except ValueError:
-        values = ()
-    if len(values) != 3 or not all(abs(value) <= 1e3 for value in values):
-        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers with commas between")
-    return values
-
-
-def _duration(text: str) -> float:
-    value = _seconds(text)
-    if value <= 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a time above 0 s")
-    return value
+    output(command, "FILE", "robot file to write, .toml, .urdf or .xml")

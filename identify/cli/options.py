@@ -1,0 +1,128 @@
+"""Options that several commands share, and the values that options take: each refused in words where it is none."""
+
+from __future__ import annotations
+
+import argparse
+import math
+
+LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
+
+
+def robot(command: argparse.ArgumentParser, option: bool = False, required: bool = False) -> None:
+    """ROBOT, as an argument or as an option --robot, and which part of it is meant."""
+    text = "built-in name (rx90, tx40), or a .toml, .urdf or MJCF .xml file"
+    if option:
+        command.add_argument("--robot", metavar="ROBOT", required=required, help=text)
+    else:
+        command.add_argument("robot", metavar="ROBOT", help=text)
+    command.add_argument(
+        "--joints",
+        metavar="NAMES",
+        default="",
+        help="joints to keep, with commas between; the others are held at 0, or where NAME=POSITION says "
+        "(rad, m). With positions alone, all others are kept",
+    )
+    command.add_argument(
+        "--gravity",
+        metavar="X,Y,Z",
+        type=three_numbers,
+        help="gravity in the frame the file is given in, m/s², for an arm on a wall: --gravity=-9.81,0,0",
+    )
+
+
+def result(command: argparse.ArgumentParser) -> None:
+    """DIR of an earlier fit."""
+    command.add_argument("result", metavar="DIR", help="result folder of `identify fit`")
+
+
+def output(command: argparse.ArgumentParser, metavar: str, text: str, default: str | None = None) -> None:
+    """Where the command writes to, required unless there is a default, and --force."""
+    shown = f"{text} (default: {default})" if default else text
+    command.add_argument(
+        "-o", "--output", metavar=metavar, required=default is None, default=default, type=path, help=shown
+    )
+    command.add_argument("--force", action="store_true", help="replace what is there already, whole or not at all")
+
+
+def reading(command: argparse.ArgumentParser, more: str = "") -> None:
+    """How logs are read; `more` is said of the map."""
+    text = f"TOML file that says what the columns of a table mean{more}"
+    command.add_argument("--map", metavar="MAP.toml", help=text)
+    command.add_argument("--topic", metavar="TOPIC", help="joint states of an MCAP file (default: found by itself)")
+
+
+def fitting(command: argparse.ArgumentParser, tested: str, more: str) -> None:
+    """What a fit is made of and tested on; `more` is said of the map."""
+    command.add_argument(
+        "--test", metavar="LOG", nargs="+", action="extend", default=[], help=f"logs to test {tested} on"
+    )
+    reading(command, more)
+    command.add_argument(
+        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
+    )
+
+
+def as_json(command: argparse.ArgumentParser) -> None:
+    """--json."""
+    command.add_argument("--json", action="store_true", help="print one JSON object instead of text")
+
+
+def seed(command: argparse.ArgumentParser, what: str) -> None:
+    """--seed, and what it is the seed of."""
+    command.add_argument(
+        "--seed", type=whole_number, default=0, metavar="N", help=f"seed {what} (default: %(default)s)"
+    )
+
+
+def path(text: str) -> str:
+    if not text:
+        raise argparse.ArgumentTypeError("the name is empty")
+    return text
+
+
+def whole_number(text: str) -> int:
+    if not (text.isascii() and text.isdigit()):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number of at least 0")
+    return int(text)
+
+
+def frame(text: str) -> int | str:
+    if text == "tool":
+        return text
+    if not (text.isascii() and text.isdigit() and len(text) < 5):
+        raise argparse.ArgumentTypeError(f"{text!r} is no frame: give a number, 0 for the base, or tool")
+    return int(text)
+
+
+def count(text: str) -> int:
+    number = whole_number(text)
+    if not number:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
+    return number
+
+
+def seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
+    return value
+
+
+def three_numbers(text: str) -> tuple[float, ...]:
+    try:
+        values = tuple(float(word) for word in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != 3 or not all(abs(value) <= 1e3 for value in values):
+        raise argparse.ArgumentTypeError(f"{text!r} is not three numbers with commas between")
+    return values
+
+
+def duration(text: str) -> float:
+    value = seconds(text)
+    if value <= 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a time above 0 s")
+    return value

@@ -250,6 +250,17 @@ def test_a_log_that_can_not_support_a_result_leaves_a_folder_that_says_why(
         Identification.load(tmp_path / "refused")
 
 
+def test_a_model_that_explains_none_of_its_training_log_is_refused(tmp_path: Path) -> None:
+    """4 s with 10 N·m of noise: the torque model still explains the effort, the energy model is worse than nothing."""
+    log = cut(exact_log(ARM, noise=10.0), 1000)
+    assert workflow.fit(log, ARM, friction="plain").record["fit"]["moving_relative_residual_percent"] < 50
+    record = workflow.fit_to_folder([log], ARM, tmp_path / "refused", model="energy", friction="plain")
+    assert record["verdict"]["status"] == "reject"
+    assert "energy model leaves" in record["verdict"]["reasons"][0]
+    assert record["base_parameters"] == []
+    assert (tmp_path / "refused" / "report.html").exists()
+
+
 def test_a_log_of_another_robot_is_no_log_of_this_one(tmp_path: Path) -> None:
     log = replace(exact_log(ARM), joints=("a", "b", "c"), source="other.mcap")
     with pytest.raises(LogError, match=r"other\.mcap: has no joint 'joint_1'; it has a, b, c"):

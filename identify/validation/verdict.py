@@ -8,6 +8,9 @@ from typing import Any
 MEAN_LIMIT = 100.0
 """Residual [% of the signal's standard deviation] of a model that predicts each joint's mean."""
 
+ZERO_LIMIT = 100.0
+"""Residual [% of the measured effort] of a model that predicts no effort at all."""
+
 WELL_KNOWN = 10.0
 """Relative standard deviation [%] below which a parameter counts as well identified (Gautier & Khalil 1992)."""
 
@@ -18,6 +21,23 @@ def rejected(reasons: tuple[str, ...]) -> dict[str, Any]:
     """The verdict on logs that can't support a result."""
     action = "Record the motion again with the reasons mended; `identify excite` designs one that excites every joint."
     return {"status": "reject", "reasons": list(reasons), "uses": [], "actions": [action]}
+
+
+def refusals_of_fit(model: str, figures: dict[str, dict[str, Any]]) -> list[str]:
+    """Why the fitted model supports nothing: it explains its own training logs no better than no effort at all does.
+
+    figures: residual figures on the training logs by model name, of `model` and of the other where it could be fitted.
+    Rows at rest don't count, as brakes may hold a joint there. Empty where the model explains something.
+    """
+    moving = {name: row["moving_relative_residual_percent"] for name, row in figures.items()}
+    found = moving.pop(model)
+    if found is None or found < ZERO_LIMIT:
+        return []
+    others = [f"; the {name} model leaves {x:.2g} %" for name, x in moving.items() if x is not None and x < ZERO_LIMIT]
+    return [
+        f"the {model} model leaves {found:,.0f} % of the effort in motion of its own training logs unexplained, "
+        f"and predicting none would leave {ZERO_LIMIT:g} %{''.join(others)}"
+    ]
 
 
 def verdict(record: dict[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from exact_logs import fitted
 
-from identify.validation.verdict import rejected, verdict
+from identify.validation.verdict import refusals_of_fit, rejected, verdict
 
 
 @pytest.fixture
@@ -126,3 +126,19 @@ def test_a_refused_log_has_reasons_and_one_action() -> None:
     assert found["status"] == "reject"
     assert found["reasons"] == ["the log is static", "its effort is dead"]
     assert len(found["actions"]) == 1
+
+
+def test_a_fit_no_better_than_no_effort_at_all_is_refused() -> None:
+    """On its training logs, in motion: at 99.9 % it still explains something, at 100 % nothing."""
+
+    def figures(**percent: float | None) -> dict[str, dict[str, Any]]:
+        return {model: {"moving_relative_residual_percent": x} for model, x in percent.items()}
+
+    assert refusals_of_fit("energy", figures(torque=3.0, energy=99.9)) == []
+    assert refusals_of_fit("torque", figures(torque=3.0, energy=371.0)) == []
+    (reason,) = refusals_of_fit("energy", figures(torque=3.0, energy=100.0))
+    assert "energy model leaves 100 % of the effort" in reason
+    assert reason.endswith("the torque model leaves 3 %")
+    (alone,) = refusals_of_fit("energy", figures(energy=3571.2))
+    assert "leaves 3,571 %" in alone
+    assert "torque" not in alone

@@ -12,6 +12,7 @@ _HOMES = {
     "load_robot": "identify.robot.library",
     "base_parameters": "identify.symbolic.base_parameters",
     "Regressor": "identify.regressor.regressor",
+    "NormalEquations": "identify.regressor.normal_equations",
     "Log": "identify.logs.log",
     "read_log": "identify.logs.reading",
     "Trajectory": "identify.experiment.trajectory",

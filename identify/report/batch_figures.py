@@ -1,4 +1,4 @@
-"""Every log's estimate of every parameter, as its distance from the median of all in stated standard deviations."""
+"""Every log's estimate of every parameter, as its distance from the weighted mean in stated standard deviations."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.regressor.columns import TURNING, column_kind
 from identify.report import drawing
 from identify.report.symbols import symbol_text
 
@@ -16,8 +17,9 @@ LEAST, SHARE = 3.0, 97.0
 """A panel reaches over this share of its dots [%], and so many σ at least."""
 
 EXPLAINED = (
-    "Each row is a parameter, each dot a log: how far its estimate lies from the median of all logs, in its own stated "
-    "σ. Where σ is true and nothing but chance differs, nearly all lie in the band. Arrows stand for dots farther out."
+    "Each row is a parameter, each dot a log: how far its estimate lies from the mean weighted by 1/σ² (odd estimates "
+    "left out), in its own stated σ. Where σ is true and nothing but chance differs, nearly all lie in the band. Arrows "
+    "stand for dots farther out."
 )
 
 
@@ -27,19 +29,30 @@ def panels(summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     names = [p["name"] for p in summary["parameters"]]
     tables = [{p["name"]: p for p in fit["parameters"]} for fit in fits]
     x, sigma = (np.array([[t[name][key] for name in names] for t in tables], float) for key in ("estimate", "std"))
-    away = (x - np.median(x, axis=0)) / np.maximum(sigma, 1e-300)
     odd = np.array([[fit["name"] in p["odd"] for p in summary["parameters"]] for fit in fits])
-    joint = np.array([name[:2] in ("Fv", "Fs", "of") or name[:3] == "Iam" for name in names])
+    away = distances(x, np.maximum(sigma, 1e-300), odd)
+    joint = np.array([column_kind(name) in TURNING for name in names])
     shown = []
     for key, title, mine in (("links", "Links", ~joint), ("drives", "Friction and drives", joint)):
         if mine.any():
-            label = f"{title}: distance of {len(fits)} logs from their median in standard deviations."
+            label = f"{title}: distance of {len(fits)} logs from their weighted mean in standard deviations."
             reach = float(np.clip(1.15 * np.percentile(np.abs(away[:, mine]), SHARE), LEAST, 1e6))
             chosen = [name for name, own in zip(names, mine, strict=True) if own]
             shown.append(
                 (title, "distance in σ", _strip(chosen, away[:, mine], odd[:, mine], reach, f"b-{key}", label))
             )
     return shown
+
+
+def distances(x: np.ndarray, sigma: np.ndarray, odd: np.ndarray) -> np.ndarray:
+    """(k, m) distance of the estimates x (k, m) from each parameter's weighted mean, in σ; all odd: from the median.
+
+    Estimates whose σ differ widely have their mean near the sure ones, which a median would not.
+    """
+    weight = np.where(odd, 0.0, sigma**-2.0)
+    total = weight.sum(axis=0)
+    mean = np.divide((weight * x).sum(axis=0), total, out=np.median(x, axis=0), where=total > 0)
+    return (x - mean) / sigma
 
 
 def _strip(names: Sequence[str], away: np.ndarray, odd: np.ndarray, reach: float, key: str, label: str) -> str:

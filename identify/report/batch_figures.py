@@ -18,8 +18,8 @@ LEAST, SHARE = 3.0, 97.0
 
 EXPLAINED = (
     "Each row is a parameter, each dot a log: how far its estimate lies from the mean weighted by 1/σ² (odd estimates "
-    "left out), in its own stated σ. Where σ is true and nothing but chance differs, nearly all lie in the band. Arrows "
-    "stand for dots farther out."
+    "left out), in its own stated σ. Where σ is true and nothing but chance differs, nearly all lie in the band. "
+    "Arrows stand for dots farther out."
 )
 
 

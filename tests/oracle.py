@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pinocchio as pin
+from chains import random_chain
 
 from identify.robot.robot import Robot
 
@@ -33,6 +34,13 @@ def pinocchio_model(robot: Robot) -> pin.Model:
         model.appendBodyToJoint(numbers[index], body, pin.SE3.Identity())
     model.armature = np.array([robot.joints[index].drive.inertia for index in branch_order(robot)])
     return model
+
+
+def random_arm(seed: int) -> tuple[Robot, pin.Model, list[int], np.ndarray]:
+    """A random chain, by its seed special or a tree; its model by Pinocchio, its `branch_order`, positions (4, n)."""
+    rng = np.random.default_rng(seed)
+    robot = random_chain(rng, 3 + seed % 5, special=seed % 2 == 0, tree=seed % 3 == 2)
+    return robot, pinocchio_model(robot), branch_order(robot), rng.uniform(-2, 2, (4, robot.n))
 
 
 def branch_order(robot: Robot) -> list[int]:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
+from beside import stored_values
 
 from identify.symbolic.model import SymbolicModel
 from identify.symbolic.rendering import arguments, render
@@ -37,11 +35,8 @@ def printed(model: SymbolicModel) -> Callable[..., Any]:
 
 
 def stored_rx90() -> tuple[dict[str, Any], dict[str, float]]:
-    """Dynamics of the RX-90 computed elsewhere, and its constants by name; skips where the file is not there."""
-    file = Path(__file__).resolve().parents[2] / "shared" / "oracles" / "rx90-dynamics.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
+    """Dynamics of the RX-90 computed elsewhere, and its constants by name."""
+    known = stored_values("rx90-dynamics.json")
     constants = {name.replace("IA", "Ia"): x for name, x in known["base_params"].items()}
     for j, link in enumerate(known["std_params"], start=1):
         constants |= {f"Fs{j}": link["FS"], f"Fv{j}": link["FV"]}

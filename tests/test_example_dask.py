@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+from beside import optional_module
 from script_modules import script
 
 
@@ -30,7 +31,7 @@ def test_dask_maps_what_processes_map(
     example: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     """A log that can be fitted and one that can't, on a cluster of this machine: the parameters of `fit_log` itself."""
-    pytest.importorskip("distributed", reason="Dask is not installed; pip install '.[dask]' brings it")
+    optional_module("distributed", "dask", "what Dask makes of a batch")
     from dataclasses import replace
 
     from exact_logs import arm, exact_log

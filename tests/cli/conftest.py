@@ -35,6 +35,16 @@ link = { mass = 3.5, com = [0.17, 0.03, -0.04], inertia = [0.02, -0.003, 0.002, 
 drive = { inertia = 0.2, viscous = 1.9, coulomb = 2.3 }
 """
 
+SLIDE = """
+[[joint]]
+name = "slide"
+type = "prismatic"
+alpha = 0.4
+d = 0.3
+link = { mass = 2.0, com = [0.03, 0.1, 0.2], inertia = [0.02, 0.0, 0.001, 0.03, 0.0, 0.01] }
+"""
+"""A joint to put behind others."""
+
 MAP = """
 time = "t"
 side = "joint"

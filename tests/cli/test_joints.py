@@ -7,18 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from conftest import table
+from conftest import SLIDE, table
 
 from identify.estimation.identification import Identification
 
-GRIPPER = """
-[[joint]]
-name = "gripper"
-type = "prismatic"
-alpha = 0.4
-d = 0.1
-link = { mass = 0.5, com = [0.0, 0.0, 0.02], inertia = [0.001, 0.0, 0.0, 0.001, 0.0, 0.001] }
-"""
+GRIPPER = SLIDE.replace("slide", "gripper")
 
 
 def test_an_arm_is_fitted_without_its_gripper(run, arm, result) -> None:

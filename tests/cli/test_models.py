@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from beside import c_compiler
+from conftest import SLIDE
 
 import identify
 from identify.cli.parser import FORMATS, ORIENTATIONS, PARAMETERS, WHAT
@@ -32,19 +33,15 @@ def test_every_model_is_printed(run, what: str) -> None:
     assert json.loads(table.out)["robot"] == "Stäubli RX-90"
 
 
-SLIDE_AND_BRANCH = """
+TURN = """
 name = "two branches"
 gravity = [0.0, 0.0, -9.81]
 [[joint]]
 name = "turn"
 type = "revolute"
 link = { mass = 4.0, com = [0.1, 0.02, 0.05], inertia = [0.1, 0.01, 0.0, 0.2, 0.0, 0.15] }
-[[joint]]
-name = "slide"
-type = "prismatic"
-alpha = 0.4
-d = 0.3
-link = { mass = 2.0, com = [0.03, 0.1, 0.2], inertia = [0.02, 0.0, 0.001, 0.03, 0.0, 0.01] }
+"""
+BRANCH = """
 [[joint]]
 name = "arm"
 type = "revolute"
@@ -54,6 +51,7 @@ d = -0.2
 r = 0.1
 link = { mass = 1.0, com = [0.2, 0.0, 0.1], inertia = [0.01, 0.002, 0.0, 0.02, 0.0, 0.012] }
 """
+SLIDE_AND_BRANCH = TURN + SLIDE + BRANCH
 
 
 @pytest.mark.parametrize("what", ["lagrange", "newton-euler", "direct-dynamics", "energy", "operations"])
@@ -190,10 +188,7 @@ def test_generated_files_test_themselves_and_are_not_overwritten(run, tmp_path: 
     assert "--force" in again.err
     assert run("codegen", "rx90", "-o", folder, "--force").status == 0
     (source,) = folder.glob("*.c")
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("there is no C compiler here")
-    command = [compiler, "-std=c99", "-Wall", "-Wextra", "-Werror", "-DSELF_TEST", source.name, "-o", "self", "-lm"]
+    command = [c_compiler(), "-std=c99", "-Wall", "-Wextra", "-Werror", "-DSELF_TEST", source.name, "-o", "self", "-lm"]
     subprocess.run(command, cwd=folder, check=True)
     subprocess.run([folder / "self"], check=True)
 

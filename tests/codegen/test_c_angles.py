@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
-import pytest
+from beside import c_compiler
 
 from identify.codegen.c_angles import FARTHEST, cosines_sines
 
 
 def test_cosines_and_sines_to_the_last_bits(tmp_path: Path) -> None:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     shell = "void run(int n, const double *a, double *c, double *s);\n"
     shell += "void run(int n, const double *a, double *c, double *s) { cosines_sines(n, a, c, s); }\n"
     (tmp_path / "angles.c").write_text("\n".join(["#include <math.h>", *cosines_sines(), shell]), encoding="ascii")

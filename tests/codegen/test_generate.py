@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import ctypes
 import os
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -16,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import oracle
 import pytest
+from beside import c_compiler, program
 from chains import random_chain
 from symbolic_models import states, tilted
 
@@ -124,9 +124,7 @@ def agreeing(name: str, call: Callable[[str, list[np.ndarray], tuple[int, ...]],
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_c_is_right_clean_and_tests_itself(name: str, tmp_path: Path) -> None:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     for file, text in files(name, "c").items():
         (tmp_path / file).write_text(text, encoding="utf-8")
     prefix = identifier(robot_called(name).name)
@@ -169,9 +167,7 @@ def test_any_robot_passes_its_self_test(make: Callable[[], Robot], tmp_path: Pat
             (tmp_path / file).write_bytes(text.encode("ascii" if language == "c" else "utf-8"))
     told = run([sys.executable, f"{prefix}.py"], tmp_path)
     assert told.returncode == 0, told.stdout + told.stderr
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     built = run([compiler, *WARNINGS, "-Wtrigraphs", "-DSELF_TEST", f"{prefix}.c", "-o", "self_test", "-lm"], tmp_path)
     assert built.returncode == 0, built.stderr
     assert run(["./self_test"], tmp_path).returncode == 0
@@ -179,9 +175,7 @@ def test_any_robot_passes_its_self_test(make: Callable[[], Robot], tmp_path: Pat
 
 def compiled(name: str, folder: Path, *flags: str) -> ctypes.CDLL:
     """The robot's models as a shared library, built with these flags."""
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     for file, text in files(name, "c").items():
         (folder / file).write_text(text, encoding="ascii")
     library = f"models{'_'.join(flags)}.so"
@@ -215,9 +209,8 @@ def test_the_same_bits_from_call_to_call_and_whatever_the_optimisation(tmp_path:
 
 
 def test_valgrind_finds_nothing(tmp_path: Path) -> None:
-    compiler, valgrind = shutil.which("cc"), shutil.which("valgrind")
-    if compiler is None or valgrind is None:
-        pytest.skip("no C compiler or no valgrind: the generated C is NOT checked for bad memory accesses")
+    compiler = c_compiler()
+    valgrind = program("valgrind", unknown="whether the generated C reaches for memory that is not its own")
     for file, text in files("rx90", "c").items():
         (tmp_path / file).write_text(text, encoding="ascii")
     source = f"{identifier(robot_called('rx90').name)}.c"
@@ -228,9 +221,8 @@ def test_valgrind_finds_nothing(tmp_path: Path) -> None:
 
 
 def test_a_program_in_cpp_links_the_header(tmp_path: Path) -> None:
-    compiler, plus = shutil.which("cc"), shutil.which("c++")
-    if compiler is None or plus is None:
-        pytest.skip("no C or no C++ compiler: the header is not tried in C++")
+    compiler = c_compiler()
+    plus = program("c++", "g++", "clang++", unknown="whether C++ takes the header")
     name, prefix = "rx90", identifier(robot_called("rx90").name)
     for file, text in files(name, "c").items():
         (tmp_path / file).write_text(text, encoding="ascii")
@@ -269,9 +261,7 @@ def test_identified_parameters_carry_their_covariance(tmp_path: Path) -> None:
     np.testing.assert_array_equal(space["STANDARD_DEVIATIONS"], np.sqrt(np.diag(covariance)))
     with pytest.raises(InputError, match=f"give {p} by {p} finite numbers"):
         generate(robot, "c", theta, covariance[:-1])
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     prefix = identifier(robot.name)
     for name, source in generate(robot, "c", theta, covariance).items():
         (tmp_path / name).write_text(source, encoding="ascii")
@@ -304,9 +294,7 @@ def test_products_for_cosines_of_sums_keep_the_values() -> None:
 
 
 def test_the_self_test_can_fail(tmp_path: Path) -> None:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     prefix = identifier(robot_called("rx90").name)
     for file, text in files("rx90", "c").items():
         changed = text.replace("const double t9 = ", "const double t9 = 1e-9 + ", 1)

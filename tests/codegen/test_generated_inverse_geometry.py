@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from arms import OFFSET_SHOULDER, PUMA, SCARA, STANFORD, THREE_PARALLEL, placed, rx90
+from beside import c_compiler
 from chains import random_chain
 
 from identify.codegen import c, python
@@ -74,9 +74,7 @@ def geometric(name: str) -> Models:
 
 def in_c(name: str, folder: Path) -> Solve:
     models = geometric(name)
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("no C compiler: the generated C is not compiled")
+    compiler = c_compiler()
     for file, text in c.c_files(models, (), pose_samples(models), "arm").items():
         (folder / file).write_text(text.partition("#ifdef SELF_TEST")[0], encoding="ascii")
     command = [compiler, *WARNINGS, "-shared", "-fPIC", "arm.c", "-o", "arm.so", "-lm"]

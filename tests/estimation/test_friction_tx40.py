@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from beside import tx40_recording
 
 from identify.estimation.fitting import fit_torque
 from identify.estimation.identification import predicted_effort
@@ -16,16 +17,13 @@ from identify.logs.slicing import window
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
 
-REPOSITORY = Path(__file__).parents[2]
-DATA = REPOSITORY.parent / "shared" / "data" / "tx40"
+MAP = Path(__file__).parents[2] / "datasets" / "tx40.toml"
 SPLIT_S = 3.6
 
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    if not DATA.is_dir():
-        pytest.skip(f"the TX40 recording is not at {DATA}; it is not part of this repository")
-    return read_log(DATA, REPOSITORY / "datasets" / "tx40.toml")
+    return read_log(tx40_recording(), MAP)
 
 
 def test_last_60_percent_predict_the_first_40(log: Log) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from beside import tx40_recording
 
 from identify.estimation.fitting import fit_torque
 from identify.estimation.observation import torque_blocks
@@ -22,8 +23,7 @@ from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
 from identify.robot.mjcf import to_mjcf
 
-REPOSITORY = Path(__file__).parents[2]
-DATA = REPOSITORY.parent / "shared" / "data" / "tx40"
+MAP = Path(__file__).parents[2] / "datasets" / "tx40.toml"
 PLAIN = Settings(position_cutoff_hz=30.0, coulomb_velocity=0.1, rest_counted=True)
 """What `identify fit --friction plain` chooses on the last 60 % of the recording."""
 
@@ -33,9 +33,7 @@ CHOSEN = replace(PLAIN, position_cutoff_hz=15.0, friction=("cube_root", "preslid
 
 @pytest.fixture(scope="module")
 def log() -> Log:
-    if not DATA.is_dir():
-        pytest.skip(f"the TX40 recording is not at {DATA}; it is not part of this repository")
-    return read_log(DATA, REPOSITORY / "datasets" / "tx40.toml")
+    return read_log(tx40_recording(), MAP)
 
 
 @pytest.mark.parametrize(("settings", "most"), [(PLAIN, 0.5), (CHOSEN, 2.0)])

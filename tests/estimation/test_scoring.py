@@ -2,33 +2,25 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import replace
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
+from beside import shared
 from exact_logs import arm, exact_log
+from script_modules import module
 
 from identify.estimation.scoring import relative, scored, speed_of
 from identify.logs.log import Log
 
-RULE = Path(__file__).parents[2].parent / "shared" / "score.py"
 ARM = arm(2)
 TOLERANCE = 1e-3  # percentage points
 
 
 @pytest.fixture(scope="module")
 def rule() -> ModuleType:
-    if not RULE.exists():
-        pytest.skip("the script that states the rule is not here: shared/score.py")
-    spec = importlib.util.spec_from_file_location("score", RULE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return module(shared("score.py"))
 
 
 def prediction(log: Log, seed: int = 0) -> np.ndarray:

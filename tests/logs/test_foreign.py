@@ -6,9 +6,11 @@ rosbags and the Foxglove SDK are the extra `foreign`; without them these tests s
 from __future__ import annotations
 
 from pathlib import Path
+from types import ModuleType
 
 import numpy as np
 import pytest
+from beside import optional_module
 from log_files import NAMES, START_NS, make_log, message, same, write_by_others
 from mcap.reader import make_reader
 from mcap.writer import CompressionType
@@ -20,12 +22,10 @@ from identify.logs.mcap_writer import write_mcap
 from identify.logs.reading import read_log
 
 STEP = 1_000_000
-LEFT_OUT = "LEFT OUT: {} is not installed, so that nothing is known of its files; pip install '.[foreign]'"
 
 
-def needed(name: str):
-    """The module, or a test that is skipped with a loud word."""
-    return pytest.importorskip(name, reason=LEFT_OUT.format(name))
+def needed(name: str) -> ModuleType:
+    return optional_module(name, "foreign", "what becomes of its files")
 
 
 def agrees(back: Log, log: Log) -> None:

@@ -6,19 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from beside import shared, tx40_recording
 
 from identify.logs.reading import read_log
-from identify.logs.triage import inspect, require_identifiable
+from identify.logs.triage import inspect, refusals
 
-REPOSITORY = Path(__file__).parents[2]
-DATA = REPOSITORY.parent / "shared" / "data" / "tx40"
+MAP = Path(__file__).parents[2] / "datasets" / "tx40.toml"
 
 
 @pytest.fixture(scope="module")
 def log():
-    if not DATA.is_dir():
-        pytest.skip(f"the TX40 recording is not at {DATA}; it is not part of this repository")
-    return read_log(DATA, REPOSITORY / "datasets" / "tx40.toml")
+    return read_log(tx40_recording(), MAP)
 
 
 def test_shape_and_rate(log) -> None:
@@ -30,8 +28,8 @@ def test_shape_and_rate(log) -> None:
 
 def test_positions_and_torques_are_those_of_the_joints(log) -> None:
     """Axes 1 to 5 by their ratios; axis 6 is driven through axis 5: m6 = 32 q5 + 32 q6, so Γ5 gains 32 Γm6."""
-    motor = np.genfromtxt(DATA / "motor_position.csv", delimiter=",", skip_header=1)
-    torque = np.genfromtxt(DATA / "motor_torque.csv", delimiter=",", skip_header=1)
+    motor = np.genfromtxt(shared("data", "tx40", "motor_position.csv"), delimiter=",", skip_header=1)
+    torque = np.genfromtxt(shared("data", "tx40", "motor_torque.csv"), delimiter=",", skip_header=1)
     ratios = np.array([32.0, 32.0, 45.0, -48.0, 45.0])
     position = np.empty_like(motor)
     position[:, :5] = motor[:, :5] / ratios
@@ -47,8 +45,8 @@ def test_positions_and_torques_are_those_of_the_joints(log) -> None:
 def test_triage_agrees_with_what_is_known_of_it(log) -> None:
     """Counts from the data's README: 4,133 repeated rows, 1.5 s at rest at the end."""
     found = inspect(log)
-    motor = np.genfromtxt(DATA / "motor_position.csv", delimiter=",", skip_header=1)
+    motor = np.genfromtxt(shared("data", "tx40", "motor_position.csv"), delimiter=",", skip_header=1)
     assert (np.diff(motor, axis=0) == 0).all(axis=1).sum() == 4133
     assert min(facts.repeated_share for facts in found.joints) * 44_999 >= 4133
     assert found.motion == pytest.approx(7.5, abs=0.1)
-    require_identifiable(log)
+    assert refusals(found) == []

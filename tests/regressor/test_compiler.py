@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import stat
 import subprocess
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from beside import c_compiler
 from chains import random_chain
 from symbolic_models import states, tilted
 
@@ -20,8 +20,6 @@ from identify.regressor import kernel
 from identify.regressor.compiler import Compiler, CompilerError, cache_folder, find_compiler, library
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
-
-needs_compiler = pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler is installed")
 
 SOURCE = "int answer(void) { return 42; }\n"
 
@@ -34,8 +32,14 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "identify"
 
 
-def compiler() -> Compiler:
+@pytest.fixture
+def compiler(cache: Path) -> Compiler:
+    """What the package finds on a machine that has a compiler."""
+    c_compiler()
     return find_compiler(None)
+
+
+needs_compiler = pytest.mark.usefixtures("compiler")
 
 
 def libraries(cache: Path) -> list[Path]:
@@ -73,6 +77,8 @@ def test_c_and_numpy_give_the_same_bits(robot: str | int) -> None:
     np.testing.assert_array_equal(c.torque(whole, whole, whole), numpy.torque(*[whole.astype(float)] * 3))
     many = np.tile(whole, (9, 1))
     np.testing.assert_array_equal(c.torque(many, many, many), numpy.torque(*[many.astype(float)] * 3))
+    # Had compiling failed on the way, NumPy would have been held against itself.
+    assert c.backend.startswith("C (")
 
 
 @needs_compiler
@@ -95,55 +101,65 @@ def test_compiling_waits_until_it_pays(cache: Path, monkeypatch: pytest.MonkeyPa
     assert another.backend == regressor.backend
 
 
-@needs_compiler
-def test_a_library_is_private_and_compiled_once(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = library(SOURCE, compiler())
+def test_a_library_is_private_and_compiled_once(
+    cache: Path, monkeypatch: pytest.MonkeyPatch, compiler: Compiler
+) -> None:
+    first = library(SOURCE, compiler)
     assert first is not None
     assert first.answer() == 42
     (file,) = libraries(cache)
     assert [path.name for path in cache.iterdir()] == [file.name]
     assert stat.S_IMODE(cache.stat().st_mode) == 0o700
     assert not stat.S_IMODE(file.stat().st_mode) & 0o077
-    assert library("int other(void) { return 1; }\n", compiler(), compile=False) is None
+    assert library("int other(void) { return 1; }\n", compiler, compile=False) is None
 
     def compiled(*_: object) -> Path:
         raise AssertionError("compiled again")
 
     monkeypatch.setattr(module, "_compiled", compiled)
-    again = library(SOURCE, compiler())
+    again = library(SOURCE, compiler)
     assert again is not None
     assert again.answer() == 42
     with pytest.raises(AssertionError, match="again"):
-        library(SOURCE, Compiler(compiler().path, "another version"))
+        library(SOURCE, Compiler(compiler.path, "another version"))
     monkeypatch.setattr(module, "_machine", lambda: "another machine")
     with pytest.raises(AssertionError, match="again"):
-        library(SOURCE, compiler())
+        library(SOURCE, compiler)
 
 
-@needs_compiler
 @pytest.mark.parametrize("damage", [b"", b"\x7fELF", None])
-def test_a_damaged_library_is_made_again(cache: Path, damage: bytes | None) -> None:
+def test_a_damaged_library_is_made_again(cache: Path, damage: bytes | None, compiler: Compiler) -> None:
     """Cut short, empty, or whole with one byte changed: loading such a file could end the process."""
-    library(SOURCE, compiler())
+    library(SOURCE, compiler)
     (file,) = libraries(cache)
     whole = file.read_bytes()
     # A new file: the old one is mapped into this process.
     file.unlink()
     file.write_bytes(whole[:-1] + bytes([whole[-1] ^ 1]) if damage is None else damage)
     file.chmod(0o600)
-    again = library(SOURCE, compiler())
+    again = library(SOURCE, compiler)
     assert again is not None
     assert again.answer() == 42
     assert libraries(cache)[0].read_bytes() == whole
 
 
-@needs_compiler
-def test_a_library_that_others_may_write_is_not_loaded(cache: Path) -> None:
-    library(SOURCE, compiler())
+def test_a_library_that_others_may_write_is_not_loaded(cache: Path, compiler: Compiler) -> None:
+    library(SOURCE, compiler)
     (file,) = libraries(cache)
     file.chmod(0o666)
-    assert library(SOURCE, compiler(), compile=False) is None
+    assert library(SOURCE, compiler, compile=False) is None
     assert libraries(cache) == []
+
+
+def backend_that_numpy_replaces() -> str:
+    """What a regressor that was to compile says of its backend once NumPy has done the work, and done it right."""
+    robot = random_chain(np.random.default_rng(1), 2)
+    regressor = Regressor(robot, compiler=True)
+    q, dq, ddq = states(np.random.default_rng(0), robot, 20)
+    expected = Regressor(robot, compiler=False).torque(q, dq, ddq)
+    np.testing.assert_array_equal(regressor.torque(q, dq, ddq), expected)
+    assert regressor.backend.startswith("NumPy (")
+    return regressor.backend
 
 
 def refuse(cache: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
@@ -171,13 +187,7 @@ def refuse(cache: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
 @pytest.mark.parametrize("how", ["a file", "a link", "foreign", "writable", "read-only"])
 def test_without_a_safe_folder_numpy_does_the_work(cache: Path, monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     refuse(cache, monkeypatch, how)
-    robot = random_chain(np.random.default_rng(1), 2)
-    regressor = Regressor(robot, compiler=True)
-    q, dq, ddq = states(np.random.default_rng(0), robot, 20)
-    expected = Regressor(robot, compiler=False).torque(q, dq, ddq)
-    np.testing.assert_array_equal(regressor.torque(q, dq, ddq), expected)
-    assert regressor.backend.startswith("NumPy (")
-    assert str(cache) in regressor.backend
+    assert str(cache) in backend_that_numpy_replaces()
     assert libraries(cache) == []
 
 
@@ -197,12 +207,7 @@ def test_a_compiler_that_fails_leaves_numpy(
     tool.write_text(f"#!/bin/bash\n{script}\n")
     tool.chmod(0o755)
     monkeypatch.setenv(module.VARIABLE, str(tool))
-    robot = random_chain(np.random.default_rng(1), 2)
-    regressor = Regressor(robot, compiler=True)
-    q, dq, ddq = states(np.random.default_rng(0), robot, 20)
-    expected = Regressor(robot, compiler=False).torque(q, dq, ddq)
-    np.testing.assert_array_equal(regressor.torque(q, dq, ddq), expected)
-    assert regressor.backend.startswith("NumPy (")
+    backend_that_numpy_replaces()
 
 
 def test_none_and_nothing_installed_say_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -233,8 +238,7 @@ def test_two_processes_may_compile_at_once(cache: Path) -> None:
     assert libraries(cache) == sorted(cache.iterdir())
 
 
-@needs_compiler
-def test_the_cache_stays_small(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_cache_stays_small(cache: Path, monkeypatch: pytest.MonkeyPatch, compiler: Compiler) -> None:
     monkeypatch.setattr(module, "KEPT", 3)
     cache.mkdir(mode=0o700)
     for name, age in (("part-killed", 1e5), ("part-at-work", 0.0)):
@@ -242,12 +246,12 @@ def test_the_cache_stays_small(cache: Path, monkeypatch: pytest.MonkeyPatch) -> 
         (cache / name / "kernel.c").touch()
         os.utime(cache / name, (time.time() - age,) * 2)
     for k in range(5):
-        library(f"int answer(void) {{ return {k}; }}\n", compiler())
+        library(f"int answer(void) {{ return {k}; }}\n", compiler)
         for file in libraries(cache):
             os.utime(file, (file.stat().st_mtime - 10,) * 2)
     assert len(libraries(cache)) == 3
     assert [path.name for path in cache.glob("part-*")] == ["part-at-work"]
-    last = library("int answer(void) { return 4; }\n", compiler(), compile=False)
+    last = library("int answer(void) { return 4; }\n", compiler, compile=False)
     assert last is not None
     assert last.answer() == 4
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 import tracemalloc
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from beside import c_compiler
 from chains import random_chain
 from symbolic_models import states, tilted
 
 from identify.regressor.columns import smooth_sign
+from identify.regressor.compiler import VARIABLE
 from identify.regressor.kernel import BLOCK
 from identify.regressor.normal_equations import NormalEquations
 from identify.regressor.regressor import Regressor
@@ -21,10 +23,16 @@ WEIGHTS = np.array([0.3, 2.0, 7.0, 40.0])
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["numpy", "c"])
-def regressor(request: pytest.FixtureRequest) -> Regressor:
-    if request.param and shutil.which("cc") is None:
-        pytest.skip("no C compiler is installed")
-    return Regressor(tilted(random_chain(np.random.default_rng(2), 4)), compiler=request.param)
+def regressor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Regressor]:
+    """By NumPy and by C, whatever the environment says of compilers and caches."""
+    if request.param:
+        c_compiler()
+    made = Regressor(tilted(random_chain(np.random.default_rng(2), 4)), compiler=request.param)
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
+        environment.delenv(VARIABLE, raising=False)
+        yield made
+        assert made.backend.startswith("C (") == request.param, made.backend
 
 
 def measured(regressor: Regressor, noise: float = 0.1, count: int = COUNT) -> tuple[np.ndarray, ...]:

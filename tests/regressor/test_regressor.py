@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import tracemalloc
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import oracle
 import pinocchio as pin
 import pytest
+from beside import stored_values
 from chains import random_chain
 from symbolic_models import Motion, function_of, states, tilted
 
@@ -21,8 +20,6 @@ from identify.robot.library import load_robot
 from identify.robot.robot import Robot, Transmission
 from identify.symbolic.expression import Graph
 from identify.symbolic.newton_euler import direct_torque
-
-ORACLE = Path(__file__).parents[2].parent / "shared" / "oracles" / "rx90-dynamics.json"
 
 
 def coupled(robot: Robot) -> Robot:
@@ -324,9 +321,7 @@ def test_slotine_li_rubs_at_the_actual_speed(robot: Robot, regressor: Regressor)
 
 def test_oracles_of_the_rx90() -> None:
     """Torque, A, C, Q and energies of ../shared/oracles/rx90-dynamics.json, which names the tools that made it."""
-    if not ORACLE.exists():
-        pytest.skip(f"the oracle {ORACLE.name} is not here")
-    data = json.loads(ORACLE.read_text())
+    data = stored_values("rx90-dynamics.json")
     robot = unequal_rx90()
     assert (robot.joints[2].d, robot.joints[3].r, list(robot.gravity)) == (data["D3"], data["RL4"], data["gravity_0g"])
     regressor = Regressor(robot)

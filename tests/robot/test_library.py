@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from beside import shared
 
 from identify.errors import RobotError
 from identify.robot.library import built_in, load_robot, robot_digest
 from identify.robot.robot import Drive, Link
 from identify.robot.toml import write_toml
 
-SHARED = Path(__file__).parents[2].parent / "shared"
 ARM = '<robot name="arm"><link name="a"/><link name="b"/>' + (
     '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint></robot>'
 )
@@ -31,10 +31,7 @@ def test_built_in_robots_carry_no_machine_path() -> None:
 
 
 def test_rx90_holds_the_public_facts() -> None:
-    path = SHARED / "facts" / "rx90.json"
-    if not path.exists():
-        pytest.skip(f"the RX-90 facts are not here: shared/facts/{path.name}")
-    facts = json.loads(path.read_text())
+    facts = json.loads(shared("facts", "rx90.json").read_text(encoding="utf-8"))
     robot = load_robot("rx90")
     assert robot.gravity == tuple(facts["gravity"])
     symbols = {f"{joint.name}.{key}": letter for joint in robot.joints for key, letter in joint.symbols}
@@ -61,11 +58,8 @@ def test_tx40_knows_its_coupled_wrist_and_invents_no_inertia() -> None:
 
 
 def test_tx40_limits_hold_the_logged_motion() -> None:
-    path = SHARED / "data" / "tx40" / "motor_position.csv"
-    if not path.exists():
-        pytest.skip(f"the TX40 log is not here: shared/data/tx40/{path.name}")
     robot = load_robot("tx40")
-    motor = np.loadtxt(path, delimiter=",", skiprows=1)[::50]
+    motor = np.loadtxt(shared("data", "tx40", "motor_position.csv"), delimiter=",", skiprows=1)[::50]
     assert robot.transmission is not None
     zero = np.array([0, -math.pi / 2, math.pi / 2, 0, 0, 0])
     position = np.linalg.solve(robot.transmission.array, motor.T).T + zero

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
+from beside import shared
 from chains import random_link
 
 from identify.errors import RobotError
@@ -18,7 +19,6 @@ from identify.robot.transforms import link_frames, to_matrix
 from identify.robot.urdf import read_urdf
 from identify.validation.engines import pinocchio_torque
 
-TX40 = Path(__file__).parents[2].parent / "shared" / "data" / "tx40" / "tx40.urdf"
 RIGHT = math.pi / 2
 
 
@@ -132,10 +132,9 @@ def test_nearly_parallel_axes_keep_their_frames_near() -> None:
 
 
 def test_tx40_urdf_and_toml_are_one_arm() -> None:
-    if not TX40.exists():
-        pytest.skip(f"the TX40 URDF is not here: {TX40.name} in shared/data/tx40")
-    urdf, toml = load_robot(TX40), load_robot("tx40")
-    model = pinocchio.buildModelFromUrdf(str(TX40))
+    file = shared("data", "tx40", "tx40.urdf")
+    urdf, toml = load_robot(file), load_robot("tx40")
+    model = pinocchio.buildModelFromUrdf(str(file))
     data = model.createData()
     flange = model.getFrameId("tool0")
     toml_tool = None

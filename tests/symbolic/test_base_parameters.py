@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy
+from beside import stored_values
 from chains import random_chain
 
 from identify.robot.library import load_robot
@@ -18,8 +17,6 @@ from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.expression import Expression, Graph
 from identify.symbolic.newton_euler import direct_torque
 from identify.symbolic.printing import compiled
-
-ORACLES = Path(__file__).parents[2].parent / "shared" / "oracles"
 
 
 def standard_regressor(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
@@ -45,10 +42,7 @@ def states(rng: np.random.Generator, n: int, count: int = 60) -> np.ndarray:
 
 
 def test_rx90_is_table_2_2() -> None:
-    path = ORACLES / "rx90-base-parameters.json"
-    if not path.exists():
-        pytest.skip(f"the oracle {path.name} is not here")
-    oracle = json.loads(path.read_text())
+    oracle = stored_values("rx90-base-parameters.json")
     base = base_parameters(load_robot("rx90"))
     assert base.names == tuple(name.replace("IA", "Ia") for name in oracle["order"])
     assert set(base.no_effect) == set(oracle["no_effect"])

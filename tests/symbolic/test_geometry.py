@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import oracle
 import pinocchio as pin
 import pytest
 import sympy
 from arms import PUMA, SCARA, placed, rx90
+from beside import stored_values
 from chains import random_chain
 
 from identify.errors import InputError
@@ -19,21 +17,12 @@ from identify.symbolic import orientation
 from identify.symbolic.geometry import direct_geometry, frames, path, symbolic_direct_geometry
 from identify.symbolic.model import SymbolicModel
 
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
-
 
 def numbers(model: SymbolicModel, q: np.ndarray) -> np.ndarray:
     """The model's entries at q, in their order."""
     lengths = {sympy.Symbol(name): value for name, value in model.lengths}
     entries = [expression.xreplace(lengths) for expression in model.expressions.values()]
     return np.array(sympy.lambdify([sympy.Symbol(name) for name in model.inputs], entries)(*q), dtype=float)
-
-
-def stored(name: str) -> dict:
-    file = ORACLES / name
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    return json.loads(file.read_text())
 
 
 def test_example_2_2() -> None:
@@ -64,7 +53,7 @@ def test_example_2_2() -> None:
 
 @pytest.mark.parametrize("forearm", [0.45, 0.52])
 def test_stored_frames(forearm: float) -> None:
-    known = stored(f"rx90-geometry-0.45-{forearm}.json")
+    known = stored_values(f"rx90-geometry-0.45-{forearm}.json")
     robot = rx90(known["RL4"])
     q = np.array(known["q"])
     np.testing.assert_allclose(direct_geometry(robot, q)[0], known["T06"], rtol=0, atol=1e-12)
@@ -75,12 +64,9 @@ def test_stored_frames(forearm: float) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_against_pinocchio(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(rng, 3 + seed % 5, special=seed % 2 == 0, tree=seed % 3 == 2)
-    model = oracle.pinocchio_model(robot)
+    robot, model, order, positions = oracle.random_arm(seed)
     data = model.createData()
-    order = oracle.branch_order(robot)
-    for q in rng.uniform(-2, 2, (4, robot.n)):
+    for q in positions:
         pin.forwardKinematics(model, data, q[order])
         found = frames(robot, q)[0]
         for number, j in enumerate(order, start=1):

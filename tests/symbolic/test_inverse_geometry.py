@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy
 from arms import OFFSET_SHOULDER, PUMA, SCARA, STANFORD, THREE_PARALLEL, placed, rx90
+from beside import stored_values
 from chains import random_chain, without
 
 from identify.errors import InputError
@@ -20,7 +19,6 @@ from identify.symbolic.inverse_geometry import differences, inverse_geometries, 
 from identify.symbolic.inverse_model import conditions, symbolic_inverse_geometry
 from identify.symbolic.paul import plan
 
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 CLOSED = [rx90(), load_robot("tx40"), STANFORD, SCARA, PUMA, OFFSET_SHOULDER, THREE_PARALLEL]
 
 
@@ -35,10 +33,7 @@ def nearest(robot: Robot, q: np.ndarray, target: np.ndarray) -> float:
 @pytest.mark.parametrize("forearm", [0.45, 0.52])
 def test_stored_solutions(forearm: float) -> None:
     """All eight solutions of example 2.3 at one pose, and no other."""
-    file = ORACLES / f"rx90-geometry-0.45-{forearm}.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
+    known = stored_values(f"rx90-geometry-0.45-{forearm}.json")
     robot = rx90(known["RL4"])
     found = inverse_geometry(robot, np.array(known["T06"]))
     q = np.array([solution.q for solution in found])

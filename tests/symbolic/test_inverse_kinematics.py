@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 import sympy
 from arms import OFFSET_SHOULDER, PUMA, SCARA, STANFORD, THREE_PARALLEL, arm, rx90
+from beside import stored_values
 from chains import random_chain
 
 from identify.errors import InputError
@@ -24,8 +22,6 @@ from identify.symbolic.inverse_kinematics import (
     toward_manipulability,
 )
 from identify.symbolic.jacobian import jacobian
-
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
 
 def test_example_2_6() -> None:
@@ -59,10 +55,7 @@ def test_example_2_6() -> None:
 
 @pytest.mark.parametrize("forearm", [0.45, 0.52])
 def test_stored_inverse(forearm: float) -> None:
-    file = ORACLES / f"rx90-geometry-0.45-{forearm}.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
+    known = stored_values(f"rx90-geometry-0.45-{forearm}.json")
     model = symbolic_inverse_kinematics(rx90(known["RL4"]), 3)
     values = dict(zip(model.inputs, known["q"], strict=True)) | dict(model.lengths)
     point = {sympy.Symbol(name): sympy.Float(value) for name, value in values.items()}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import oracle
@@ -12,12 +10,11 @@ import pinocchio as pin
 import pytest
 import sympy
 from arms import OFFSET_SHOULDER, PUMA, SCARA, STANFORD, THREE_PARALLEL, arm, placed, rx90
+from beside import stored_values
 from chains import random_chain
 
 from identify.symbolic.geometry import direct_geometry, letters
 from identify.symbolic.jacobian import determinant, jacobian, rank, symbolic_jacobian, three_matrices, tool_jacobian
-
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
 
 def chapter_jacobian() -> sympy.Matrix:
@@ -97,10 +94,7 @@ def test_determinant_of_example_2_5() -> None:
 
 @pytest.mark.parametrize("forearm", [0.45, 0.52])
 def test_stored_jacobians(forearm: float) -> None:
-    file = ORACLES / f"rx90-geometry-0.45-{forearm}.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
+    known = stored_values(f"rx90-geometry-0.45-{forearm}.json")
     robot, q = rx90(known["RL4"]), np.array(known["q"])
     for i in (0, 3, 6):
         np.testing.assert_allclose(jacobian(robot, q, i)[0], known[f"J_{i}_6"], rtol=0, atol=1e-12)
@@ -120,12 +114,9 @@ def test_stored_jacobians(forearm: float) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_against_pinocchio(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    robot = random_chain(rng, 3 + seed % 5, special=seed % 2 == 0, tree=seed % 3 == 2)
-    model = oracle.pinocchio_model(robot)
+    robot, model, order, positions = oracle.random_arm(seed)
     data = model.createData()
-    order = oracle.branch_order(robot)
-    for q in rng.uniform(-2, 2, (4, robot.n)):
+    for q in positions:
         pin.computeJointJacobians(model, data, q[order])
         for number, j in enumerate(order, start=1):
             expected = np.empty((6, robot.n))

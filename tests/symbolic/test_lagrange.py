@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import oracle
 import pytest
 import sympy
 from arms import rx90
+from beside import stored_values
 from chains import random_chain
 from printed_models import printed
 from symbolic_models import tilted
@@ -25,8 +24,6 @@ from identify.symbolic.model import CORIOLIS, SymbolicModel
 from identify.symbolic.naming import named
 from identify.symbolic.polarisation import directional
 from identify.symbolic.written_out import written_out
-
-ORACLES = Path(__file__).resolve().parents[3] / "shared" / "oracles"
 
 ARMS = range(4)
 """Seeds of chains with prismatic joints, full inertias, general angles and lengths; every second one branches."""
@@ -134,10 +131,7 @@ def test_example_2_7_in_base_parameters() -> None:
 
 
 def stored() -> tuple[dict, Robot, dict[str, float]]:
-    file = ORACLES / "rx90-dynamics.json"
-    if not file.exists():
-        pytest.skip(f"{file} is not there")
-    known = json.loads(file.read_text())
+    known = stored_values("rx90-dynamics.json")
     names = {"IA": "Ia", "FS": "Fs", "FV": "Fv"}
     constants = {
         f"{names.get(name, name)}{j}": value

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import ctypes
 import json
-import shutil
 import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import sympy
+from beside import c_compiler
 from chains import random_chain
 from printed_models import printed
 
@@ -85,13 +85,10 @@ def test_python_is_the_expressions(models: dict[str, SymbolicModel], what: str) 
 
 @pytest.mark.parametrize("what", MODELS)
 def test_c_is_the_python(models: dict[str, SymbolicModel], what: str, tmp_path: Path) -> None:
-    compiler = shutil.which("cc")
-    if compiler is None:
-        pytest.skip("there is no C compiler here")
     model = models[what]
     (tmp_path / "model.c").write_text(render(model, "c"), encoding="utf-8")
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC"]
-    subprocess.run([compiler, *flags, "model.c", "-o", "model.so", "-lm"], cwd=tmp_path, check=True)
+    subprocess.run([c_compiler(), *flags, "model.c", "-o", "model.so", "-lm"], cwd=tmp_path, check=True)
     function = getattr(ctypes.CDLL(str(tmp_path / "model.so")), what.replace("-", "_"))
     given = [(ctypes.c_double * len(x))(*x) if isinstance(x, list) else ctypes.c_double(x) for x in calls(model)]
     sizes = [len(r.entries) for r in model.results] or [len(model.expressions)]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pinocchio
 import pytest
+from beside import stored_values
 from chains import random_chain
 
 from identify.robot.library import load_robot
@@ -16,7 +15,6 @@ from identify.robot.robot import Joint, Link, Robot
 from identify.robot.transforms import link_frames
 from identify.validation.engines import mujoco_torque, pinocchio_model, pinocchio_regressor, pinocchio_torque
 
-ORACLE = Path(__file__).parents[2].parent / "shared" / "oracles" / "rx90-dynamics.json"
 AGREE = 1e-10
 
 
@@ -51,9 +49,7 @@ def test_rx90_on_a_thousand_samples() -> None:
 
 def test_rx90_torque_of_two_symbolic_tools() -> None:
     """The oracle's torque comes from the chapter's printed formulas and two symbolic programs."""
-    if not ORACLE.exists():
-        pytest.skip(f"the oracle is not here: shared/oracles/{ORACLE.name}")
-    oracle = json.loads(ORACLE.read_text())
+    oracle = stored_values("rx90-dynamics.json")
     rx90 = load_robot("rx90")
     joints = list(rx90.joints)
     joints[2], joints[3] = replace(joints[2], d=oracle["D3"]), replace(joints[3], r=oracle["RL4"])

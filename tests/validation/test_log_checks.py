@@ -8,6 +8,7 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from beside import tx40_recording
 from script_modules import script
 
 from identify.errors import UnsupportedLogError
@@ -183,15 +184,11 @@ def test_the_studys_clean_logs_are_quiet(study: ModuleType) -> None:
     assert [found for _, found in study.clean_logs(2)] == [(), ()]
 
 
-RECORDING = ROOT.parent / "shared" / "data" / "tx40"
-
-
-@pytest.mark.skipif(not RECORDING.exists(), reason="the measured TX40 recording is not beside the repository")
 def test_the_measured_tx40_has_no_false_finding() -> None:
     from identify.logs.reading import read_log
     from identify.robot.library import load_robot
 
     robot = load_robot("tx40")
-    found = look_over(read_log(RECORDING, ROOT / "datasets" / "tx40.toml", robot.joint_names), robot)
+    found = look_over(read_log(tx40_recording(), ROOT / "datasets" / "tx40.toml", robot.joint_names), robot)
     assert found.findings == ()
     assert refusals(found) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import re
 import subprocess
@@ -10,12 +9,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from beside import shared, tx40_recording
+from script_modules import module
 
 from identify.cli.main import main as command
 
 ROOT = Path(__file__).parents[2]
-SHARED = ROOT.parent / "shared"
-RECORDING, RULE = SHARED / "data" / "tx40", SHARED / "score.py"
 
 
 def test_quick_study_of_a_simulated_arm_meets_its_bars(tmp_path: Path) -> None:
@@ -39,20 +38,14 @@ def test_quick_study_of_a_simulated_arm_meets_its_bars(tmp_path: Path) -> None:
     assert "MISSED" not in text
 
 
-@pytest.mark.skipif(not RECORDING.is_dir(), reason="the recording of the TX40 is not here: shared/data/tx40")
-@pytest.mark.skipif(not RULE.exists(), reason="the script that states the rule is not here: shared/score.py")
 def test_measured_tx40_by_commands_and_the_rule(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Trained on the last 60 %, tested on the first 40 %: files of `import` and `predict`, scored by the script."""
-    spec = importlib.util.spec_from_file_location("score", RULE)
-    assert spec is not None
-    assert spec.loader is not None
-    rule = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(rule)
+    rule, recording = module(shared("score.py")), tx40_recording()
 
     def run(*words: str | Path) -> None:
         assert command([str(word) for word in words]) == 0, capsys.readouterr().err
 
-    source, result = (RECORDING, "--map", ROOT / "datasets" / "tx40.toml"), tmp_path / "result"
+    source, result = (recording, "--map", ROOT / "datasets" / "tx40.toml"), tmp_path / "result"
     parts = {"train": ("--start", "3.6"), "test": ("--stop", "3.6")}
     for part, limits in parts.items():
         for suffix in ("mcap", "csv"):

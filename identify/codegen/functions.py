@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.codegen.angles import with_products
 from identify.codegen.inverse import Inverse, inverse, left_out
-from identify.regressor.columns import READS, Column
+from identify.regressor.columns import READS
 from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
@@ -17,6 +17,14 @@ from identify.symbolic.chain import Mat, Vec, add, cross, joint_transform, matmu
 from identify.symbolic.customised import customised_torque
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Expression, Graph, Scalar
+from identify.symbolic.joint_effort import (
+    Column,
+    column_effort,
+    shared_energy,
+    shared_inertia,
+    sign_symbol,
+    with_effort,
+)
 from identify.symbolic.motion import Motion
 from identify.symbolic.newton_euler import torque_regressor
 from identify.symbolic.operations import lifted
@@ -118,37 +126,11 @@ def _columns(regressor: Regressor) -> tuple[Column, ...]:
     return regressor.extra.columns if regressor.extra else ()
 
 
-def _joint_effort(graph: Graph, n: int, column: Column, rates: str, accelerations: str) -> dict[int, Scalar]:
-    """Effort of a friction or motor column, per unit of its parameter: {joint: expression}."""
-
-    def symbols(prefix: str) -> list[Expression]:
-        return [graph.symbol(f"{prefix}{j + 1}") for j in range(n)]
-
-    j, rho = column.index, column.ratios
-    match column.kind:
-        case "Fv":
-            return {j: symbols(rates)[j]}
-        case "off":
-            return {j: graph.constant(1.0)}
-        case kind if kind in READS:
-            signal = graph.symbol(signal_symbol(column, n))
-            return {i: signal * r for i, r in enumerate(rho) if r} if rho else {j: signal}
-    x = symbols(accelerations if column.kind == "Iam" else rates)
-    effort: dict[int, Scalar] = {}
-    for i, r in enumerate(rho):
-        others: Scalar = graph.constant(0)
-        for k, s in enumerate(rho):
-            if k != i:
-                others = others + x[k] * (r * s)
-        effort[i] = others
-    return effort
-
-
 def signal_symbol(column: Column, n: int) -> str:
     """Symbol of what a friction column reads: sign1 … or root1 … of the joints, then of the coupled motors. Presliding
     friction, whose state no function keeps, reads the sign: its state in steady sliding."""
-    prefix = "root" if READS[column.kind] == CUBE_ROOT else "sign"
-    return f"{prefix}{column.index + 1 + (n if column.ratios else 0)}"
+    symbol = sign_symbol(column, n)
+    return symbol.replace("sign", "root") if READS.get(column.kind) == CUBE_ROOT else symbol
 
 
 def _signs(regressor: Regressor, width: float | None) -> dict[str, FrictionSignal]:
@@ -174,11 +156,8 @@ def friction_note(models: Models) -> str:
 
 def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
     graph = Graph()
-    torque = _torque(graph, robot, Motion.of(graph, robot))
-    for column in _columns(regressor):
-        parameter = graph.symbol(column.name)
-        for i, effort in _joint_effort(graph, robot.n, column, "dq", "ddq").items():
-            torque[i] = torque[i] + parameter * effort
+    rigid = _torque(graph, robot, Motion.of(graph, robot))
+    torque = with_effort(graph, rigid, _columns(regressor), signal_symbol)
     about = "Joint effort [N·m or N] with base parameters, friction and offset."
     entries = _made(graph, dict(enumerate(torque)))
     return Function("inverse_dynamics", ("q", "dq", "ddq"), (robot.n,), entries, about)
@@ -192,7 +171,8 @@ def _regressor_entries(graph: Graph, robot: Robot, regressor: Regressor) -> dict
 
 def _with_columns(graph: Graph, entries: dict[int, Scalar], regressor: Regressor, ddq: str) -> dict[int, Scalar]:
     for at, column in enumerate(_columns(regressor), len(regressor.base.names)):
-        for i, effort in _joint_effort(graph, regressor.robot.n, column, "dq", ddq).items():
+        signal = signal_symbol(column, regressor.robot.n)
+        for i, effort in column_effort(graph, column, signal, "dq", ddq).items():
             entries[i * regressor.p + at] = effort
     return entries
 
@@ -221,11 +201,7 @@ def energy_functions(robot: Robot, regressor: Regressor) -> Function:
     entries = {at: rows[c] for at, c in enumerate(regressor.base.kept)}
     for at, column in enumerate(_columns(regressor), len(entries)):
         if column.kind == "Iam":
-            effort = _joint_effort(graph, robot.n, column, "dq", "dq")
-            total: Scalar = graph.constant(0)
-            for i, x in effort.items():
-                total = total + 0.5 * graph.symbol(f"dq{i + 1}") * x
-            entries[at] = total
+            entries[at] = shared_energy(graph, column)
     about = "Energy regressor: kinetic plus potential energy [J] = regressor · parameters, up to a constant"
     about += f"{_held_offsets(regressor)}."
     return Function("energy_regressor", ("q", "dq"), (regressor.p,), _made(graph, entries), about)
@@ -240,12 +216,8 @@ def inertia_matrix(robot: Robot, regressor: Regressor) -> Function:
         torque = _torque(graph, robot, Motion([zero] * n, unit, (zero, zero, zero)))
         for i in range(k + 1):
             entries[i * n + k] = entries[k * n + i] = torque[i]
-    for column in _columns(regressor):
-        if column.kind == "Iam":
-            for i, r in enumerate(column.ratios):
-                for k, s in enumerate(column.ratios):
-                    if i != k and r * s:
-                        entries[i * n + k] = entries[i * n + k] + graph.symbol(column.name) * (r * s)
+    shared = shared_inertia(graph, n, _columns(regressor))
+    entries = {at: e + shared[at // n][at % n] for at, e in entries.items()}
     return Function("inertia_matrix", ("q",), (n, n), _made(graph, entries), "Inertia matrix A(q).")
 
 

@@ -11,13 +11,14 @@ import numpy as np
 from identify.regressor.friction import CUBE_ROOT, PRESLIDING
 from identify.robot.robot import Robot
 from identify.symbolic.expression import Expression, Graph
+from identify.symbolic.joint_effort import DRIVE_FIELDS, MOTOR_FIELDS, Column, column_effort, joint_columns
 
 Sign = Callable[[np.ndarray], np.ndarray]
 
-OWN = ("Fv", "Fs", "off")
+OWN = tuple(DRIVE_FIELDS)
 """Columns of every joint: viscous friction, Coulomb friction, offset [2.63]."""
 
-COUPLED = ("Iam", "Fvm", "Fsm")
+COUPLED = tuple(MOTOR_FIELDS)
 """Columns of every coupled motor: inertia, viscous friction, Coulomb friction."""
 
 MORE = {CUBE_ROOT: ("Fc", "Fcm"), PRESLIDING: ("Fp", "Fpm")}
@@ -47,22 +48,6 @@ def smooth_sign(velocity: float) -> Sign:
 
 
 @dataclass(frozen=True)
-class Column:
-    """One column: its kind, the index of its joint or motor, and for a coupled motor k its ratios (n,).
-
-    The motor turns at ṁ = ratios·q̇ in units of joint k, so that ratios[k] = 1.
-    """
-
-    kind: str
-    index: int
-    ratios: tuple[float, ...] = ()
-
-    @property
-    def name(self) -> str:
-        return f"{self.kind}{self.index + 1}"
-
-
-@dataclass(frozen=True)
 class JointColumns:
     """Fv, Fs and offset of each joint, then Iam, Fvm and Fsm of each coupled motor, then further forms of friction.
 
@@ -77,9 +62,7 @@ class JointColumns:
 
     @staticmethod
     def of(robot: Robot) -> JointColumns:
-        own = (Column(kind, j) for j in range(robot.n) for kind in OWN)
-        coupled = (Column(kind, k, ratios) for k, ratios in robot.couplings for kind in COUPLED)
-        return JointColumns((*own, *coupled), tuple(joint.revolute for joint in robot.joints))
+        return JointColumns(joint_columns(robot), tuple(joint.revolute for joint in robot.joints))
 
     def without(self, names: Collection[str]) -> JointColumns:
         """The same, less the columns of these names."""
@@ -113,20 +96,9 @@ class JointColumns:
         which stand for all friction signals."""
         found: dict[tuple[int, int], Expression] = {}
         for at, column in enumerate(self.columns):
-            j, rho = column.index, column.ratios
-            match column.kind:
-                case "Fv":
-                    found[j, at] = graph.symbol(f"{rates}{j + 1}")
-                case "off":
-                    found[j, at] = graph.constant(1.0)
-                case kind if kind in READS:
-                    signal = graph.symbol(f"sign{self._signal(column) + 1}")
-                    found |= {(i, at): signal * r for i, r in enumerate(rho)} if rho else {(j, at): signal}
-                case _:
-                    x = accelerations if column.kind == "Iam" else rates
-                    for i, r in enumerate(rho):
-                        others = (graph.symbol(f"{x}{k + 1}") * (r * s) for k, s in enumerate(rho) if k != i)
-                        found[i, at] = sum(others, graph.constant(0.0))
+            signal = f"sign{self._signal(column) + 1}" if column.kind in READS else ""
+            effort = column_effort(graph, column, signal, rates, accelerations)
+            found |= {(i, at): e for i, e in effort.items()}
         return found
 
     @cached_property

@@ -13,10 +13,11 @@ from identify.regressor.columns import JointColumns, Sign
 from identify.regressor.dependence import dependent_columns
 from identify.regressor.friction import Presliding, further_forms
 from identify.regressor.kernel import Kernel, blocks
-from identify.robot.robot import Drive, Robot
+from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.symbolic.energy import energy_regressor
 from identify.symbolic.expression import Graph, Scalar
+from identify.symbolic.joint_effort import joint_parameters, shared_energy
 from identify.symbolic.newton_euler import direct_torque, torque_regressor
 from identify.symbolic.operations import lifted
 from identify.symbolic.polarisation import bilinear_in_rates
@@ -86,12 +87,7 @@ class Regressor:
     @property
     def parameters(self) -> np.ndarray:
         """(p,) θ as the robot's description states it: links, drives and coupled motors."""
-        drives = {f"{c}{j + 1}": x for j, joint in enumerate(self.robot.joints) for c, x in _friction(joint.drive)}
-        motors = self.robot.transmission.motors if self.robot.transmission else ()
-        for k, _ in self.robot.couplings if motors else ():
-            motor = motors[k]
-            drives |= {f"Iam{k + 1}": motor.inertia, f"Fvm{k + 1}": motor.viscous, f"Fsm{k + 1}": motor.coulomb}
-        return self.theta(self.robot.standard, drives)
+        return self.theta(self.robot.standard, joint_parameters(self.robot))
 
     def theta(self, standard: np.ndarray, extra: Mapping[str, float]) -> np.ndarray:
         """(p,) θ from standard parameters (11 n,) and values of friction, offset and transmission columns by name.
@@ -281,13 +277,9 @@ class Regressor:
         graph = Graph()
         energies = energy_regressor(graph, self.robot)
         entries: dict[tuple[int, int], Scalar] = {(0, at): energies[c] for at, c in enumerate(self.base.kept)}
-        if self.extra:
-            # The cross terms of a coupled motor's inertia: half their power with q̇ for q̈.
-            stored = self.extra.entries(graph, "dq", "dq")
-            for at, column in enumerate(self.extra.columns):
-                if column.kind == "Iam":
-                    works = (0.5 * graph.symbol(f"dq{i + 1}") * stored[i, at] for i in range(self.robot.n))
-                    entries[0, len(self.base.names) + at] = sum(works, graph.constant(0.0))
+        for at, column in enumerate(self.extra.columns if self.extra else (), len(self.base.names)):
+            if column.kind == "Iam":
+                entries[0, at] = shared_energy(graph, column)
         return self._kernel(graph, entries, ("q", "dq"), shape=(1, self.p))
 
     @cached_property
@@ -318,10 +310,6 @@ class Regressor:
         q, dq, ddq = np.random.default_rng(0).uniform(-1.0, 1.0, (3, count, n))
         turn = np.array([np.pi if joint.revolute else 1.0 for joint in self.robot.joints])
         return self.torque(turn * q, 2 * dq, 3 * ddq).reshape(count * n, self.p)
-
-
-def _friction(drive: Drive) -> tuple[tuple[str, float], ...]:
-    return ("Fv", drive.viscous), ("Fs", drive.coulomb), ("off", drive.offset)
 
 
 def _samples(n: int, *signals: np.ndarray) -> tuple:

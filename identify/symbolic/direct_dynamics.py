@@ -9,7 +9,7 @@ from identify.robot.robot import Robot
 from identify.symbolic.expression import Expression, Graph, Scalar
 from identify.symbolic.geometry import letters
 from identify.symbolic.inverse_dynamics import about_parameters, assembled, customised_effort, customised_motion
-from identify.symbolic.joint_effort import friction, shared_inertia
+from identify.symbolic.joint_effort import friction, joint_columns, shared_inertia
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import SymbolicModel, entry_name, vector
 from identify.symbolic.motion import Motion
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def equations(graph: Graph, robot: Robot) -> dict[str, Expression]:
     """A11 … of the upper triangle of A(q), and H1 … the effort without acceleration, friction included."""
     n, zero = robot.n, graph.constant(0)
-    shared = shared_inertia(graph, robot)
+    shared = shared_inertia(graph, n, joint_columns(robot))
     outputs: dict[str, Expression] = {}
     for k in range(n):
         unit: list[Scalar] = [graph.constant(float(i == k)) for i in range(n)]

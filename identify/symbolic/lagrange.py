@@ -25,7 +25,7 @@ from identify.symbolic.constants import gravity_symbols, gravity_values, inertia
 from identify.symbolic.customised import customised_torque
 from identify.symbolic.expression import Expression, Graph, Scalar, arguments, cos, reachable, sin
 from identify.symbolic.geometry import letters
-from identify.symbolic.joint_effort import friction, joint_parameters, shared_inertia, signs
+from identify.symbolic.joint_effort import friction, joint_columns, joint_parameters, shared_inertia, signs
 from identify.symbolic.link_motion import velocities
 from identify.symbolic.model import CORIOLIS, Result, SymbolicModel, entry_name, matrix, vector
 from identify.symbolic.motion import Motion
@@ -73,7 +73,7 @@ def lagrange(graph: Graph, robot: Robot, which: str = "standard") -> Lagrange:
         return lifted(graph, customised_torque(graph, robot, parameters, motion, letters=True))
 
     inertia: dict[tuple[int, int], Expression] = {}
-    shared = shared_inertia(graph, robot)
+    shared = shared_inertia(graph, n, joint_columns(robot))
     for k in range(n):
         unit: list[Scalar] = [graph.constant(float(i == k)) for i in range(n)]
         column = effort(Motion(still, unit, null))

@@ -70,6 +70,7 @@ def head(
 
 def log_entry(log: Log, role: str, triage: Findings) -> dict[str, Any]:
     """One log, with what reading and triage found wrong with it."""
+    found = triage.as_dict()
     row = {
         "path": log.source,
         "role": role,
@@ -79,8 +80,8 @@ def log_entry(log: Log, role: str, triage: Findings) -> dict[str, Any]:
         "duration_s": log.duration,
         "simulated": log.simulated,
         "noise": log.metadata.get("noise"),
-        "findings": [finding.sentence for finding in triage.findings],
-        "triage": [finding.as_dict() for finding in triage.findings],
+        "findings": found["findings"],
+        "triage": found["triage"],
     }
     return explained(row, {"noise": "the log does not say", "rate_hz": "it has a single sample"})
 
@@ -141,6 +142,7 @@ def parameters(fit: ModelFit, truth: np.ndarray | None, prior: np.ndarray | None
 
 
 def fit_figures(fit: ModelFit, figures: dict[str, Any]) -> dict[str, Any]:
+    """What the record says of the fit: its residual figures on the training logs, conditioning and equations."""
     estimate = fit.estimate
     result = {
         **figures,
@@ -204,6 +206,7 @@ def physical(
 
 
 def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
+    """How the logs were processed, every key there; tried: the candidates that settings were chosen from."""
     table = (
         dict.fromkeys(("coulomb_velocity", "presliding_distance", "window_s", "energy_cutoff_hz"))
         | fit.settings.to_dict()
@@ -259,6 +262,7 @@ def rejected(record: dict[str, Any], verdict: dict[str, Any]) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
+    """Version of this package, of Python and of PACKAGES, by name."""
     found = {"identify": __version__, "python": sys.version.split()[0]}
     for package in PACKAGES:
         try:

@@ -220,9 +220,9 @@ FAULTS = (
         column("effort", 1, lambda x, r: 50 * r.standard_normal(len(x))),
     ),
     Fault(
-        "joint 5 twice as fast as its limit",
+        "three times as fast: joint 5 beyond its limit",
         ("beyond limits",),
         4,
-        lambda log, r: replace(log, time=2 * log.time / 6.0),
+        lambda log, r: replace(log, time=log.time / 3),
     ),
 )

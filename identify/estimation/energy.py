@@ -17,6 +17,9 @@ from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 
+PASSES = 3
+"""Times that the rows are weighted anew by the residuals of the solution before."""
+
 
 @dataclass(frozen=True)
 class EnergyObservation:
@@ -68,7 +71,7 @@ def stacked_energy(observations: list[EnergyObservation]) -> EnergyObservation:
     )
 
 
-def energy_least_squares(observation: EnergyObservation, passes: int = 3) -> Estimate:
+def energy_least_squares(observation: EnergyObservation) -> Estimate:
     """Weighted least squares over the windows: a row's variance is c0 + Σ_j c_j ∫ q̇_j² dt, with c ≥ 0 fitted to the
     squared residuals of the pass before (feasible generalised least squares)."""
     from scipy.optimize import nnls
@@ -77,7 +80,7 @@ def energy_least_squares(observation: EnergyObservation, passes: int = 3) -> Est
     rows, p = w.shape
     variance = np.ones(rows)
     explain = np.column_stack([np.full(rows, observation.action.mean() or 1.0), observation.action])
-    for _ in range(passes + 1):
+    for _ in range(PASSES + 1):
         root = np.sqrt(variance)
         inverse, condition, parameters = scaled_solution(w / root[:, None], y / root, observation.names)
         residual = y - w @ parameters

@@ -12,7 +12,8 @@ import numpy as np
 from identify.errors import InputError
 from identify.estimation.identification import Identification
 from identify.estimation.settings import Settings
-from identify.regressor.columns import COUPLED, JointColumns
+from identify.regressor.columns import COUPLED, MORE, JointColumns
+from identify.regressor.friction import SLIDING_ON
 from identify.regressor.regressor import Regressor
 from identify.robot.mjcf import to_mjcf
 from identify.robot.robot import Drive, Robot
@@ -57,9 +58,11 @@ def plain_friction(
     arms = [column for column in regressor.extra.columns if column.kind in ("Fs", "Fsm")]
     for column, top in zip(arms, speeds, strict=True):
         v = np.linspace(0.0, max(top, 1e-3), 201)[1:]
-        of = {"Fs": ("Fv", "Fc", "Fp"), "Fsm": ("Fvm", "Fcm", "Fpm")}[column.kind]
-        viscous, root, state = (f"{kind}{column.index + 1}" for kind in of)
-        whole = extra[column.name] * settings.sign(v) + extra.get(root, 0.0) * np.cbrt(v) + extra.get(state, 0.0)
+        viscous = f"{'Fvm' if column.ratios else 'Fv'}{column.index + 1}"
+        whole = extra[column.name] * settings.sign(v)
+        for form, kinds in MORE.items():
+            further = f"{kinds[1] if column.ratios else kinds[0]}{column.index + 1}"
+            whole += extra.get(further, 0.0) * SLIDING_ON[form](v)
         if not column.ratios:
             whole += extra[viscous] * v
         kept[column.name], slope = nnls(np.column_stack([np.ones_like(v), v]), whole)[0]

@@ -146,13 +146,8 @@ def _surely_better(simple: Validation, more: Validation, figure: str) -> bool:
     return bool(gain.sum() > SURE * error and simple.percent[figure] - more.percent[figure] >= WORTH_IT)
 
 
-def cross_validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> dict[str, float]:
-    """Residuals [%] of the effort in blocks that the fit has not seen: over all samples, and moving."""
-    return validated(regressor, logs, settings).percent
-
-
 def validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Validation:
-    """The fit with these settings, on blocks that it has not seen."""
+    """Residuals of fits with these settings on blocks that they have not seen, each block left out of one of FOLDS."""
     observations = [stacked(torque_blocks(regressor, [log], settings)) for log in logs]
     pieces = [signals(log, settings, regressor) for log in logs]
     whole = stacked(observations)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from identify.errors import UnsupportedLogError
 from identify.logs.channel_checks import CLIPPED_LEAST, of_copies, of_joint
 from identify.logs.clock_checks import GAP, of_clock
 from identify.logs.finding import ERROR, KEPT, REFUSED, WARNING, Finding, of_reading
@@ -77,8 +76,8 @@ class Findings:
     """A recording at a glance.
 
     duration, median_step, max_step, motion (time in which any joint moves) [s]; jitter: largest step over the
-    median one; gaps: steps of more than GAP median ones; dropped: rows left out while reading; findings:
-    sentences, those of the reading first.
+    median one; gaps: steps of more than GAP median ones; dropped: rows left out while reading; findings: those of
+    the reading first.
     """
 
     source: str
@@ -101,7 +100,8 @@ class Findings:
         return self.max_step / self.median_step if self.median_step else 1.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Everything as plain values, for JSON; None where there is no number."""
+        """Everything as plain values, for JSON; None where there is no number. findings: a sentence each; triage: the
+        same with kind, severity, text, action and joints."""
         joints = [
             {
                 **{key: _plain(value) for key, value in asdict(facts).items()},
@@ -181,22 +181,12 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
     )
 
 
-def require_identifiable(log: Log, joints: Sequence[str] | None = None) -> None:
-    """Raise UnsupportedLogError, with every reason, where the log can't support a result whatever the robot is.
-
-    joints: those to be identified, by default all of the log's. Refused: a joint without position, no or dead
-    effort on a joint that moves, no joint that moves, less than LEAST_MOTION seconds of motion, fewer than
-    LEAST_SAMPLES samples, and findings that are errors.
-    """
-    from identify.logs.slicing import select
-
-    reasons = refusals(inspect(log if joints is None else select(log, joints)))
-    if reasons:
-        raise UnsupportedLogError(*reasons)
-
-
 def refusals(found: Findings) -> list[str]:
-    """Why the log that these findings are of can't support a result; empty where it can."""
+    """Why the log that these findings are of can't support a result, every reason; empty where it can.
+
+    Refused: a joint without position, no or dead effort on a joint that moves, no joint that moves, less than
+    LEAST_MOTION seconds of motion, fewer than LEAST_SAMPLES samples, and findings that are errors.
+    """
     moving = [facts for facts in found.joints if facts.moves]
     reasons = []
     if found.samples < LEAST_SAMPLES:

@@ -16,6 +16,9 @@ FURTHER = (CUBE_ROOT, PRESLIDING)
 """What it may have besides: Fc·sign(q̇)·|q̇|^⅓, and Fp·z with Dahl's state z, which is what a Coulomb friction does
 within some distance of where the joint turned or stopped."""
 
+SLIDING_ON: dict[str, Callable[[np.ndarray], np.ndarray]] = {CUBE_ROOT: np.cbrt, PRESLIDING: np.sign}
+"""What each form is per unit of its parameter, over the velocity of a joint that slides on."""
+
 
 def further_forms(friction: bool | Collection[str]) -> tuple[str, ...]:
     """The forms of FURTHER that are asked for, in its order; True asks for none. InputError for an unknown name."""

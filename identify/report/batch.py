@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
+from identify.logs.wording import counted
 from identify.numbers import DASH, column, given, percent, significant
 from identify.report import batch_figures
 from identify.report.drawing import drawing
@@ -42,13 +43,13 @@ def batch_page(summary: Summary) -> str:
     with drawing():
         sections = "\n".join(section_html(s) for s in (_logs(clean), _agreement(clean), _provenance(clean)))
     main = f"{SPRITE}\n<main>\n{_header(clean, name)}\n{sections}\n</main>"
-    return document(f"{name}: {_count(len(clean['fits']), 'log')}", main)
+    return document(f"{name}: {counted(len(clean['fits']), 'log')}", main)
 
 
 def _header(summary: Summary, name: str) -> str:
     told = f"{str(summary['model']).capitalize()} model"
     told += f" by {summary['estimator']}" if summary["estimator"] else ""
-    told += f" · {_count(len(summary['fits']), 'log')}, each fitted on its own"
+    told += f" · {counted(len(summary['fits']), 'log')}, each fitted on its own"
     simulated = [fit["name"] for fit in summary["fits"] if fit["simulated"]]
     banner = ""
     if simulated:
@@ -64,7 +65,7 @@ def _header(summary: Summary, name: str) -> str:
 def _logs(summary: Summary) -> Section:
     fits, counts = summary["fits"], summary["counts"]
     known = [fit for fit in fits if fit["status"] not in WITHOUT]
-    parts = [f"{len(known)} of {_count(len(fits), 'log')} gave a model"]
+    parts = [f"{len(known)} of {counted(len(fits), 'log')} gave a model"]
     parts += [f"{counts['reject']} can’t support one"] if counts["reject"] else []
     parts += [f"{counts['failed']} could not be used"] if counts["failed"] else []
     shape = mark("reject" if not known else "warn" if len(known) < len(fits) or summary["odd"] else "accept")
@@ -128,7 +129,7 @@ def _agreement(summary: Summary) -> Section:
         marks = [("dots", "one log"), ("rest", "within 2 σ")]
         body += legend(*marks, *([("odd", "odd log")] if summary["odd"] else [])) + figures(drawn)
     if summary["parameters"]:
-        body += fold("Table of all parameters", _parameter_table(summary), _count(len(summary["parameters"]), "row"))
+        body += fold("Table of all parameters", _parameter_table(summary), counted(len(summary["parameters"]), "row"))
     return Section("agreement", 2, "Agreement", "Is σ believable, and is one of them odd?", body)
 
 
@@ -180,7 +181,7 @@ def _parameter_table(summary: Summary) -> str:
     body = [
         [
             symbol_html(row["name"]),
-            *(significant(row[key], 4) for key in ("mean",)),
+            significant(row["mean"], 4),
             *(significant(row[key], 2) for key in ("spread", "std")),
             ratio,
             *(significant(row[key], 4) for key in ("low", "high")),
@@ -256,7 +257,3 @@ def _listed(names: Sequence[str]) -> str:
 
 def _relative(value: Any) -> str:
     return percent(value) if value is None or value < 100 else "> 100\u00a0%"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

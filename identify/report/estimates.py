@@ -88,6 +88,7 @@ def _like(p: Mapping[str, Any], key: str, notes: Notes) -> str:
 
 
 def friction_parameters(k: int, row: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Rows for `estimates_table` of the friction of joint k, from 1; row: that joint's entry in the record."""
     found: list[Mapping[str, Any]] = []
     for key, letters in FRICTION:
         value = part(row, key)

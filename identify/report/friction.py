@@ -10,7 +10,7 @@ import numpy as np
 from identify.estimation.identification import FRICTION
 from identify.numbers import estimate, finite
 from identify.regressor.columns import smooth_sign
-from identify.regressor.friction import CUBE_ROOT, FURTHER, PRESLIDING
+from identify.regressor.friction import CUBE_ROOT, FURTHER, PRESLIDING, SLIDING_ON
 from identify.report import data_figures
 from identify.report.estimates import estimates_table, friction_parameters
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
@@ -76,7 +76,7 @@ def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarr
 
     def curve(velocity: np.ndarray) -> np.ndarray:
         plain = value["coulomb"] * sign(velocity) + value["viscous"] * velocity + value["offset"]
-        return plain + value[CUBE_ROOT] * np.cbrt(velocity) + value[PRESLIDING] * np.sign(velocity)
+        return plain + sum(value[form] * law(velocity) for form, law in SLIDING_ON.items())
 
     return curve
 

@@ -14,22 +14,21 @@ from identify.robot.robot import Joint, Link, Matrix, Robot, Vector
 
 QUARTER = math.pi / 2
 TOLERANCE = 1e-9
-"""Default snap: angles [rad] this close to a multiple of π/2 and lengths [m] this close to 0 are meant to be it."""
-
+"""Angles [rad] this close to a multiple of π/2 and lengths [m] this close to 0 are meant to be it."""
 
 DECIMALS = 13
 """Decimals of a length [m] that a product of rotations leaves in place."""
 
 
-def snap_angle(angle: float, tolerance: float = TOLERANCE) -> float:
-    """The angle [rad], or the multiple of π/2 it lies within `tolerance` of."""
+def snap_angle(angle: float) -> float:
+    """The angle [rad], or the multiple of π/2 it lies within TOLERANCE of."""
     quarters = round(angle / QUARTER)
-    return quarters * QUARTER if abs(angle - quarters * QUARTER) <= tolerance else angle
+    return quarters * QUARTER if abs(angle - quarters * QUARTER) <= TOLERANCE else angle
 
 
-def snap_length(length: float, tolerance: float = TOLERANCE) -> float:
-    """The length [m], or 0.0 when it lies within `tolerance` of it."""
-    return 0.0 if abs(length) <= tolerance else length
+def snap_length(length: float) -> float:
+    """The length [m], or 0.0 when it lies within TOLERANCE of it."""
+    return 0.0 if abs(length) <= TOLERANCE else length
 
 
 def cosine_sine(angle: float) -> tuple[float, float]:
@@ -57,34 +56,34 @@ def placement(gamma: float, b: float, alpha: float, d: float, theta: float, r: f
     return screw_z(gamma, b) @ screw_x(alpha, d) @ screw_z(theta, r)
 
 
-def decompose(transform: np.ndarray, tolerance: float = TOLERANCE) -> tuple[float, float, float, float, float, float]:
+def decompose(transform: np.ndarray) -> tuple[float, float, float, float, float, float]:
     """(gamma, b, alpha, d, theta, r) whose `placement` is the rigid `transform` (4, 4).
 
-    gamma and b are 0 whenever that is possible, |gamma| ≤ π/2 otherwise. Angles within `tolerance` of a
-    multiple of π/2 and lengths within `tolerance` of 0 are snapped to it.
+    gamma and b are 0 whenever that is possible, |gamma| ≤ π/2 otherwise. Angles within TOLERANCE of a
+    multiple of π/2 and lengths within TOLERANCE of 0 are snapped to it.
     """
     rotation, p = transform[:3, :3], transform[:3, 3]
-    parallel = math.hypot(rotation[0, 2], rotation[1, 2]) <= tolerance
+    parallel = math.hypot(rotation[0, 2], rotation[1, 2]) <= TOLERANCE
     if parallel:
         # A tilt just within the tolerance moves the origin sideways by as much of the height.
-        beside = abs(p[1]) > tolerance * (1.0 + abs(p[2]))
-        gamma = _half_turn(math.atan2(p[1], p[0]), tolerance) if beside else 0.0
+        beside = abs(p[1]) > TOLERANCE * (1.0 + abs(p[2]))
+        gamma = _half_turn(math.atan2(p[1], p[0])) if beside else 0.0
     else:
-        gamma = _half_turn(math.atan2(rotation[0, 2], -rotation[1, 2]), tolerance)
+        gamma = _half_turn(math.atan2(rotation[0, 2], -rotation[1, 2]))
     cosine, sine = cosine_sine(-gamma)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     rotation, p = turn @ rotation, turn @ p
     alpha = math.atan2(-rotation[1, 2], rotation[2, 2])
-    alpha = QUARTER * 2 * round(abs(alpha) / math.pi) if parallel else snap_angle(alpha, tolerance)
+    alpha = QUARTER * 2 * round(abs(alpha) / math.pi) if parallel else snap_angle(alpha)
     cosine, sine = cosine_sine(alpha)
     # Read θ from what is left of the rotation, so that errors of γ and α near parallel axes do not add up.
-    theta = snap_angle(math.atan2(-rotation[0, 1], rotation[0, 0]), tolerance)
+    theta = snap_angle(math.atan2(-rotation[0, 1], rotation[0, 0]))
     if sine == 0.0:
         b, r = 0.0, cosine * p[2]
     else:
-        r = snap_length(-p[1] / sine, tolerance)
+        r = snap_length(-p[1] / sine)
         b = p[2] - r * cosine
-    b, d, r = (snap_length(float(x), tolerance) for x in (b, p[0], r))
+    b, d, r = (snap_length(float(x)) for x in (b, p[0], r))
     return gamma, b, alpha, d, theta, r
 
 
@@ -94,12 +93,12 @@ def parameters(transform: np.ndarray) -> tuple[float, float, float, float, float
     return gamma, round(b, DECIMALS), alpha, round(d, DECIMALS), theta, round(r, DECIMALS)
 
 
-def _half_turn(angle: float, tolerance: float) -> float:
+def _half_turn(angle: float) -> float:
     """The angle [rad], snapped and brought into (-π/2, π/2] by a half turn."""
-    angle = snap_angle(angle, tolerance)
+    angle = snap_angle(angle)
     if angle > QUARTER:
-        return snap_angle(angle - math.pi, tolerance)
-    return snap_angle(angle + math.pi, tolerance) if angle <= -QUARTER else angle
+        return snap_angle(angle - math.pi)
+    return snap_angle(angle + math.pi) if angle <= -QUARTER else angle
 
 
 def from_roll_pitch_yaw(xyz: Sequence[float], rpy: Sequence[float]) -> np.ndarray:

@@ -11,7 +11,9 @@ from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
 from identify.validation.engines import mujoco_torque, pinocchio_regressor, pinocchio_torque
 
-SAMPLES = 1000
+SAMPLES, SEED = 1000, 0
+"""Random states that engines are compared on."""
+
 AGREE = 1e-9
 """Engines that differ by no more than this, relative to the largest value, agree."""
 
@@ -49,18 +51,18 @@ def consistent_links(robot: Robot, seed: int) -> np.ndarray:
     return np.array(standard)
 
 
-def cross_check_regressor(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
+def cross_check_regressor(robot: Robot, samples: int = SAMPLES) -> dict[str, Any]:
     """Largest disagreement of the regressor with Pinocchio's (every entry) and with MuJoCo's inverse dynamics (torque
     of invented links), relative to the largest value, over random samples."""
     regressor = Regressor(robot, friction=False)
-    q, dq, ddq = random_states(robot, samples, seed)
+    q, dq, ddq = random_states(robot, samples, SEED)
     worst = scale = 0.0
     for start in range(0, samples, BLOCK):
         part = slice(start, start + BLOCK)
         theirs = pinocchio_regressor(robot, q[part], dq[part], ddq[part])
         ours = regressor.torque(q[part], dq[part], ddq[part]) @ regressor.base.matrix
         worst, scale = max(worst, float(np.abs(ours - theirs).max())), max(scale, float(np.abs(theirs).max()))
-    standard = consistent_links(robot, seed)
+    standard = consistent_links(robot, SEED)
     ours_torque = regressor.inverse_dynamics(q, dq, ddq, regressor.base.matrix @ standard)
     theirs_torque = mujoco_torque(robot, standard, q, dq, ddq)
     return {
@@ -78,13 +80,13 @@ def cross_check_regressor(robot: Robot, samples: int = SAMPLES, seed: int = 0) -
 
 
 def cross_check_identified(
-    robot: Robot, base: np.ndarray, consistent: np.ndarray | None, samples: int = SAMPLES, seed: int = 0
+    robot: Robot, base: np.ndarray, consistent: np.ndarray | None, samples: int = SAMPLES
 ) -> dict[str, Any]:
     """The identified inertial model in Pinocchio, as any standard set that maps to base (p,), and the links that
     physics allows, consistent (11 n,), in MuJoCo, which loads no others. Largest torque differences relative to the
     largest torque."""
     regressor = Regressor(robot, friction=False)
-    states = random_states(robot, samples, seed)
+    states = random_states(robot, samples, SEED)
     ours = regressor.inverse_dynamics(*states, base)
     in_pinocchio = pinocchio_torque(robot, any_standard(robot, base), *states)
     result: dict[str, Any] = {
@@ -110,12 +112,12 @@ def any_standard(robot: Robot, base: np.ndarray) -> np.ndarray:
     return start + np.linalg.lstsq(matrix, base - matrix @ start, rcond=None)[0]
 
 
-def check_robot(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str, Any]:
+def check_robot(robot: Robot, samples: int = SAMPLES) -> dict[str, Any]:
     """Whether the models of a robot can be trusted: count of base parameters against the rank of Pinocchio's regressor,
     and the three engines against one another."""
-    check = cross_check_regressor(robot, samples, seed)
+    check = cross_check_regressor(robot, samples)
     count = len(Regressor(robot, friction=False).names)
-    rank = _rank(robot, seed)
+    rank = _rank(robot)
     errors = [check[engine]["max_abs_error"] for engine in ("pinocchio", "mujoco")]
     return {
         "robot": robot.name,
@@ -127,9 +129,9 @@ def check_robot(robot: Robot, samples: int = SAMPLES, seed: int = 0) -> dict[str
     }
 
 
-def _rank(robot: Robot, seed: int) -> int:
+def _rank(robot: Robot) -> int:
     """Rank of Pinocchio's regressor over random samples, columns scaled."""
-    stacked = pinocchio_regressor(robot, *random_states(robot, RANK_SAMPLES * min(max(robot.n, 2), 6), seed + 1))
+    stacked = pinocchio_regressor(robot, *random_states(robot, RANK_SAMPLES * min(max(robot.n, 2), 6), SEED + 1))
     columns = stacked.reshape(-1, stacked.shape[2])
     scale = np.linalg.norm(columns, axis=0)
     scale[scale < 1e-9 * max(scale.max(), 1e-300)] = np.inf

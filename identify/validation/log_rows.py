@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from identify.estimation.motion import differentiated, low_pass, uniform
 from identify.logs.log import Log
 from identify.logs.slicing import window
 from identify.logs.triage import REST_SPEED
+from identify.regressor.columns import column_kind
 from identify.regressor.regressor import Regressor
 
 CUTOFF_HZ = 20.0
@@ -24,7 +24,7 @@ PIECE_S, PIECES = 15.0, 4
 END_S = 0.1
 SHIFTS_S = 0.15
 """Effort is kept for so long before and after every row, to be shifted."""
-_POSITIVE = re.compile(r"(Fv|Fs|Ia)\d+$")
+_POSITIVE = ("Fv", "Fs", "Ia")
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class Equations:
         """(p,) θ of least squares, with friction and actuator inertia as positive as they are in any robot."""
         from scipy.optimize import lsq_linear
 
-        lower = np.array([0.0 if _POSITIVE.match(name) else -np.inf for name in self.names])
+        lower = np.array([0.0 if column_kind(name) in _POSITIVE else -np.inf for name in self.names])
         found = lsq_linear(self.triangle, self.basis.T @ b, (lower, np.inf))
         return np.asarray(found.x)
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+
+from identify.regressor.columns import TURNING, column_kind
 
 FAR = 7.0
 """An estimate is odd when it is farther from the median than this many times what is usual.
@@ -22,7 +23,6 @@ CHANCE = 0.99
 """Share of batches with true standard deviations whose pooled ratio lies between the stated bounds."""
 
 _NORMAL = 1.4826
-_KIND = re.compile(r"(Iam|Fvm|Fsm|Fv|Fs|off)\d+")
 
 
 def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -37,6 +37,33 @@ def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     sub-folder where there are several. `odd` names logs with an estimate farther from the median than FAR times what
     is usual: the parameter's own median deviation, and that of parameters of its kind in units of σ, at least σ.
     """
+    names, units, x, sigma = _common(entries)
+    logs, own = [str(e["name"]) for e in entries], [str(e["unit"]) for e in entries]
+    distance = _distance(names, x, sigma)
+    odd = _odd_logs(logs, names, x, sigma, distance)
+    named = {o["name"] for o in odd}
+    everything, kept = list(range(len(logs))), [i for i, log in enumerate(logs) if log not in named]
+    independent = float(np.mean([e["independent_parameters"] for e in entries])) if entries else 0.0
+
+    def pooled(chosen: list[int], groups: Sequence[str]) -> dict[str, Any] | None:
+        marks = np.unique([groups[i] for i in chosen], return_inverse=True)[1]
+        return _pooled(x[chosen], sigma[chosen], marks, independent)
+
+    return {
+        "logs": len(entries),
+        "parameters": [
+            row | {"odd": [log for log, far in zip(logs, away > FAR, strict=True) if far]}
+            for row, away in zip(_over_logs(names, units, x, sigma), distance.T, strict=True)
+        ],
+        "agreement": pooled(everything, [""] * len(own)),
+        "without_odd": pooled(kept, [""] * len(own)) if odd else None,
+        "within": pooled(kept, own) if len(set(own)) > 1 else None,
+        "odd": odd,
+    }
+
+
+def _common(entries: Sequence[Mapping[str, Any]]) -> tuple[list[str], list[str], np.ndarray, np.ndarray]:
+    """Names and units (m,) of the parameters that all k logs have, their estimates (k, m) and standard deviations."""
     tables = [{p["name"]: p for p in entry["parameters"]} for entry in entries]
     names = [name for name in (tables[0] if tables else ()) if all(name in table for table in tables)]
     x, sigma = (
@@ -45,18 +72,19 @@ def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         )
         for key in ("estimate", "std")
     )
-    sigma = np.maximum(sigma, 1e-300)
-    distance = _distance(names, x, sigma)
-    logs = [str(e["name"]) for e in entries]
-    odd = [
+    return names, [tables[0][name]["unit"] for name in names], x, np.maximum(sigma, 1e-300)
+
+
+def _odd_logs(
+    logs: Sequence[str], names: Sequence[str], x: np.ndarray, sigma: np.ndarray, distance: np.ndarray
+) -> list[dict[str, Any]]:
+    """The logs with an estimate at a `distance` (k, m) of more than FAR, and those estimates, the farthest first."""
+    sigmas = np.abs(x - np.median(x, axis=0)) / sigma if len(x) else distance
+    return [
         {
             "name": log,
             "parameters": [
-                {
-                    "name": names[j],
-                    "distance": float(row[j]),
-                    "sigmas": float(abs(x[i, j] - np.median(x[:, j])) / sigma[i, j]),
-                }
+                {"name": names[j], "distance": float(row[j]), "sigmas": float(sigmas[i, j])}
                 for j in np.argsort(-row, kind="stable")
                 if row[j] > FAR
             ],
@@ -64,40 +92,24 @@ def spread(entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         for i, (log, row) in enumerate(zip(logs, distance, strict=True))
         if (row > FAR).any()
     ]
-    ratio = _ratios(x, sigma, np.zeros(len(entries), dtype=int))
-    rows = []
-    for j, name in enumerate(names):
-        row: dict[str, Any] = {
+
+
+def _over_logs(names: Sequence[str], units: Sequence[str], x: np.ndarray, sigma: np.ndarray) -> list[dict[str, Any]]:
+    """What each parameter is over all logs, x and sigma (k, m); spread and ratio are None where they can't be told."""
+    found = _ratios(x, sigma, np.zeros(len(x), dtype=int))
+    return [
+        {
             "name": name,
-            "unit": tables[0][name]["unit"],
+            "unit": unit,
             "mean": float(x[:, j].mean()),
             "spread": float(x[:, j].std(ddof=1)) if len(x) > 1 else None,
             "std": float(np.sqrt((sigma[:, j] ** 2).mean())),
-            "ratio": None if ratio is None else float(ratio[0][j]),
+            "ratio": None if found is None else float(found[0][j]),
             "low": float(x[:, j].min()),
             "high": float(x[:, j].max()),
-            "odd": [log for i, log in enumerate(logs) if distance[i, j] > FAR],
         }
-        rows.append(row)
-    named = {o["name"] for o in odd}
-    kept = [i for i, log in enumerate(logs) if log not in named]
-    own = [str(e["unit"]) for e in entries]
-    several = len(set(own)) > 1
-    independent = float(np.mean([e["independent_parameters"] for e in entries])) if entries else 0.0
-
-    def pooled(chosen: list[int], groups: Sequence[str]) -> dict[str, Any] | None:
-        marks = np.unique([groups[i] for i in chosen], return_inverse=True)[1]
-        return _pooled(x[chosen], sigma[chosen], marks, independent)
-
-    everything = list(range(len(entries)))
-    return {
-        "logs": len(entries),
-        "parameters": rows,
-        "agreement": pooled(everything, [""] * len(own)),
-        "without_odd": pooled(kept, [""] * len(own)) if odd else None,
-        "within": pooled(kept, own) if several else None,
-        "odd": odd,
-    }
+        for j, (name, unit) in enumerate(zip(names, units, strict=True))
+    ]
 
 
 def _ratios(x: np.ndarray, sigma: np.ndarray, groups: np.ndarray) -> tuple[np.ndarray, int] | None:
@@ -139,7 +151,7 @@ def _distance(names: Sequence[str], x: np.ndarray, sigma: np.ndarray) -> np.ndar
     if len(x) < LEAST or not names:
         return np.zeros(x.shape)
     away = np.abs(x - np.median(x, axis=0))
-    kinds = np.array([match[1] if (match := _KIND.fullmatch(name)) else "link" for name in names])
+    kinds = np.array([kind if (kind := column_kind(name)) in TURNING else "link" for name in names])
     usual = np.empty(x.shape)
     for kind in np.unique(kinds):
         mine = kinds == kind

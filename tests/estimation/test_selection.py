@@ -14,7 +14,7 @@ from identify.errors import UnsupportedLogError
 from identify.estimation.least_squares import solution, weights_by_noise
 from identify.estimation.observation import signals, stacked, torque_blocks
 from identify.estimation.reduction import reduced
-from identify.estimation.selection import choose_settings, choose_window, cross_validated
+from identify.estimation.selection import choose_settings, choose_window, validated
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
@@ -70,7 +70,7 @@ def test_what_was_fitted_is_not_what_is_predicted() -> None:
     rows = stacked(torque_blocks(REGRESSOR, [log], settings))
     left = [b - a @ theta for a, b in zip(rows.matrix, rows.effort, strict=True)]
     assert np.linalg.norm(left) < 0.99 * np.linalg.norm(rows.effort)
-    assert cross_validated(REGRESSOR, [log], settings)["all_percent"] > 101
+    assert validated(REGRESSOR, [log], settings).percent["all_percent"] > 101
 
 
 def test_the_best_of_what_was_tried_is_chosen_and_all_of_it_is_told() -> None:

@@ -83,7 +83,7 @@ def test_one_wrong_entry_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_count_of_base_parameters_that_is_not_the_rank_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     robot = chain(3)
-    monkeypatch.setattr(module, "_rank", lambda robot, seed: 1 + len(Regressor(robot, friction=False).names))
+    monkeypatch.setattr(module, "_rank", lambda robot: 1 + len(Regressor(robot, friction=False).names))
     assert check_robot(robot, samples=20)["agree"] is False
 
 

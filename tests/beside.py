@@ -37,8 +37,9 @@ def shared(*parts: str) -> Path:
 def tx40_recording() -> Path:
     """The folder of the TX40's measured log, both tables that datasets/tx40.toml names in it."""
     __tracebackhide__ = True
-    position, _ = (shared("data", "tx40", f"motor_{what}.csv") for what in ("position", "torque"))
-    return position.parent
+    for table in ("motor_position.csv", "motor_torque.csv"):
+        file = shared("data", "tx40", table)
+    return file.parent
 
 
 def stored_values(name: str) -> dict[str, Any]:

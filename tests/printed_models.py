@@ -36,6 +36,7 @@ def printed(model: SymbolicModel) -> Callable[..., Any]:
 
 def stored_rx90() -> tuple[dict[str, Any], dict[str, float]]:
     """Dynamics of the RX-90 computed elsewhere, and its constants by name."""
+    __tracebackhide__ = True
     known = stored_values("rx90-dynamics.json")
     constants = {name.replace("IA", "Ia"): x for name, x in known["base_params"].items()}
     for j, link in enumerate(known["std_params"], start=1):

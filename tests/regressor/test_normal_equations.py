@@ -27,10 +27,10 @@ def regressor(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathF
     """By NumPy and by C, whatever the environment says of compilers and caches."""
     if request.param:
         c_compiler()
-    made = Regressor(tilted(random_chain(np.random.default_rng(2), 4)), compiler=request.param)
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))
         environment.delenv(VARIABLE, raising=False)
+        made = Regressor(tilted(random_chain(np.random.default_rng(2), 4)), compiler=request.param)
         yield made
         assert made.backend.startswith("C (") == request.param, made.backend
 

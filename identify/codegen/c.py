@@ -10,7 +10,7 @@ from identify.codegen.c_inverse import inverse_signature, inverse_source
 from identify.codegen.c_self_test import self_test
 from identify.codegen.functions import Function, Models, friction_note
 from identify.codegen.samples import PoseSample, Sample
-from identify.codegen.statements import argument, live_signs, speed, statements, unused
+from identify.codegen.statements import argument, live_friction_signals, speed, statements, unused
 from identify.codegen.text import ascii_text, c_string, prose, rows, title, wrapped
 from identify.robot.library import robot_digest
 from identify.symbolic.formula import formula
@@ -183,7 +183,7 @@ def _read(function: Function) -> set[str]:
 def _body(function: Function, n: int, prefix: str, constants: dict[str, str]) -> list[str]:
     lines = [*wrapped(_signature(function, n, prefix)), "{"]
     lines += [f"    (void){name};" for name in unused(function)]
-    for name, signal in live_signs(function).items():
+    for name, signal in live_friction_signals(function).items():
         single = sum(1 for r in signal.ratios if r) == 1
         value = speed(signal.ratios)
         if not single:

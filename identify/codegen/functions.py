@@ -50,7 +50,8 @@ class FrictionSignal:
 class Function:
     """One function: signals (n,) each in, an array of `shape` out, whose entries by flat index are expressions.
 
-    Entries not listed are zero. `signs` {symbol: what it stands for}: symbols that friction reads.
+    Entries not listed are zero. `friction_signals` {symbol: what it stands for}: sign1 … and root1 …, which friction
+    reads.
     """
 
     name: str
@@ -58,7 +59,7 @@ class Function:
     shape: tuple[int, ...]
     entries: dict[int, Expression]
     about: str
-    signs: dict[str, FrictionSignal] = field(default_factory=dict)
+    friction_signals: dict[str, FrictionSignal] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -103,8 +104,8 @@ def models(
         inverse_dynamics, base_regressor, energy_functions, slotine_li, inertia_matrix, coriolis, gravity,
         direct_geometry, jacobian,
     )  # fmt: skip
-    signs = _signs(regressor, coulomb_velocity)
-    functions = tuple(replace(function(robot, regressor), signs=signs) for function in build)
+    signals = _friction_signals(regressor, coulomb_velocity)
+    functions = tuple(replace(function(robot, regressor), friction_signals=signals) for function in build)
     return Models(
         robot, regressor, theta, covariance, origin, constants, functions, inverse(robot), left_out(robot),
         coulomb_velocity,
@@ -133,7 +134,8 @@ def signal_symbol(column: Column, n: int) -> str:
     return symbol.replace("sign", "root") if READS.get(column.kind) == CUBE_ROOT else symbol
 
 
-def _signs(regressor: Regressor, width: float | None) -> dict[str, FrictionSignal]:
+def _friction_signals(regressor: Regressor, width: float | None) -> dict[str, FrictionSignal]:
+    """{symbol: what it stands for} of the friction columns; width [rad/s or m/s] of the sign, None for an exact one."""
     n = regressor.robot.n
     found = {}
     for column in _columns(regressor):
@@ -155,6 +157,7 @@ def friction_note(models: Models) -> str:
 
 
 def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
+    """Γ (n,) [N·m or N] at q, dq, ddq: customised Newton-Euler [2.69]–[2.89], friction and shared motors."""
     graph = Graph()
     rigid = _torque(graph, robot, Motion.of(graph, robot))
     torque = with_effort(graph, rigid, _columns(regressor), signal_symbol)
@@ -164,12 +167,14 @@ def inverse_dynamics(robot: Robot, regressor: Regressor) -> Function:
 
 
 def _regressor_entries(graph: Graph, robot: Robot, regressor: Regressor) -> dict[int, Scalar]:
+    """{flat index into (n, p): entry} of the base parameters' columns."""
     column = {standard: at for at, standard in enumerate(regressor.base.kept)}
     entries = torque_regressor(graph, robot, regressor.base.kept)
     return {i * regressor.p + column[c]: e for (i, c), e in entries.items()}
 
 
 def _with_columns(graph: Graph, entries: dict[int, Scalar], regressor: Regressor, ddq: str) -> dict[int, Scalar]:
+    """The entries, {flat index into (n, p): entry}, and those of friction and shared motors at accelerations `ddq`."""
     for at, column in enumerate(_columns(regressor), len(regressor.base.names)):
         signal = signal_symbol(column, regressor.robot.n)
         for i, effort in column_effort(graph, column, signal, "dq", ddq).items():
@@ -178,6 +183,7 @@ def _with_columns(graph: Graph, entries: dict[int, Scalar], regressor: Regressor
 
 
 def base_regressor(robot: Robot, regressor: Regressor) -> Function:
+    """Y (n, p) with Γ = Y·θ at q, dq, ddq, in the order of `Regressor.names`; effort [N·m or N] per unit of each."""
     graph = Graph()
     entries = _with_columns(graph, _regressor_entries(graph, robot, regressor), regressor, "ddq")
     about = "Torque regressor: effort = regressor · parameters."
@@ -186,6 +192,7 @@ def base_regressor(robot: Robot, regressor: Regressor) -> Function:
 
 
 def slotine_li(robot: Robot, regressor: Regressor) -> Function:
+    """Ys (n, p) of `Regressor.slotine_li` at q, dq, dq_ref, ddq_ref (Slotine & Li 1987); effort [N·m or N] per unit."""
     graph = Graph()
     entries = _regressor_entries(graph, robot, regressor)
     polar = bilinear_in_rates(lifted(graph, entries.values()), robot.n)
@@ -196,6 +203,7 @@ def slotine_li(robot: Robot, regressor: Regressor) -> Function:
 
 
 def energy_functions(robot: Robot, regressor: Regressor) -> Function:
+    """h (p,) [2.93] with H = h·θ [J] at q, dq; zero for friction and offset."""
     graph = Graph()
     rows = energy_regressor(graph, robot)
     entries = {at: rows[c] for at, c in enumerate(regressor.base.kept)}
@@ -208,6 +216,7 @@ def energy_functions(robot: Robot, regressor: Regressor) -> Function:
 
 
 def inertia_matrix(robot: Robot, regressor: Regressor) -> Function:
+    """A(q) (n, n) [kg·m², kg·m or kg], actuator inertia included: column k is the effort of q̈_k = 1 alone."""
     graph, n = Graph(), robot.n
     zero = graph.constant(0)
     entries: dict[int, Scalar] = {}
@@ -222,6 +231,7 @@ def inertia_matrix(robot: Robot, regressor: Regressor) -> Function:
 
 
 def coriolis(robot: Robot, regressor: Regressor) -> Function:
+    """C(q, q̇)·q̇ (n,) [N·m or N]: the effort without acceleration, gravity and friction."""
     graph = Graph()
     torque = _torque(graph, robot, Motion.of(graph, robot, ddq=False, gravity=False))
     about = "Coriolis and centrifugal effort C(q, dq)·dq."
@@ -229,6 +239,7 @@ def coriolis(robot: Robot, regressor: Regressor) -> Function:
 
 
 def gravity(robot: Robot, regressor: Regressor) -> Function:
+    """Q(q) (n,) [N·m or N]: the effort at rest, without friction."""
     graph = Graph()
     torque = _torque(graph, robot, Motion.of(graph, robot, dq=False, ddq=False))
     about = f"Gravity effort Q(q){_held_offsets(regressor)}."
@@ -264,6 +275,7 @@ def _frames(graph: Graph, robot: Robot) -> tuple[dict[int, tuple[Mat, Vec]], Mat
 
 
 def direct_geometry(robot: Robot, regressor: Regressor) -> Function:
+    """(4, 4) pose of the tool in the world [m, 1] at q, along the joints from the base to the last one."""
     graph = Graph()
     _, rotation, position = _frames(graph, robot)
     entries = {4 * i + k: rotation[i][k] for i in range(3) for k in range(3)}
@@ -273,6 +285,7 @@ def direct_geometry(robot: Robot, regressor: Regressor) -> Function:
 
 
 def jacobian(robot: Robot, regressor: Regressor) -> Function:
+    """(6, n) velocity of the tool's origin [m/rad or 1], then angular velocity [1 or rad/m], in the world's axes."""
     graph, n = Graph(), robot.n
     frames, _, tip = _frames(graph, robot)
     entries: dict[int, Scalar] = {}

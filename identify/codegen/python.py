@@ -10,7 +10,7 @@ from identify import __version__
 from identify.codegen.functions import Function, Models, friction_note
 from identify.codegen.python_inverse import inverse_source
 from identify.codegen.samples import PoseSample, Sample
-from identify.codegen.statements import argument, live_signs, speed, statements
+from identify.codegen.statements import argument, live_friction_signals, speed, statements
 from identify.codegen.text import prose, rows, title, wrapped
 from identify.robot.library import robot_digest
 
@@ -92,7 +92,7 @@ def _body(function: Function, constants: dict[str, str]) -> list[str]:
     ]
     # Plain floats: arithmetic on NumPy's scalars would take several times as long.
     lines += [f"    {x} = np.asarray({x}, dtype=float).tolist()" for x in map(argument, function.inputs)]
-    for name, signal in live_signs(function).items():
+    for name, signal in live_friction_signals(function).items():
         form = "float((speed > 0.0) - (speed < 0.0))"
         if signal.cube_root:
             form = "float(np.cbrt(speed))"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from identify.codegen.functions import REFERENCES, FrictionSignal, Function
 from identify.symbolic import printing
-from identify.symbolic.expression import Expression, reachable
+from identify.symbolic.expression import reachable
 
 
 def argument(prefix: str) -> str:
@@ -22,7 +22,7 @@ def statements(
     `constants` {symbol: text}; `call` gives the name of "cos" and "sin" in the language. Temporaries are numbered from
     1 in each function, so that the text depends on nothing but the robot.
     """
-    n = max((len(signal.ratios) for signal in function.signs.values()), default=0)
+    n = max((len(signal.ratios) for signal in function.friction_signals.values()), default=0)
     signals = {f"{prefix}{j + 1}": f"{argument(prefix)}[{j}]" for prefix in function.inputs for j in range(n or 64)}
 
     def leaf(name: str) -> str:
@@ -34,23 +34,25 @@ def statements(
 
 def unused(function: Function) -> list[str]:
     """Arguments that no entry reads."""
-    outputs: list[Expression] = list(function.entries.values())
-    graph = outputs[0].graph if outputs else None
-    read = {graph.nodes[i][1] for i in reachable(graph, outputs) if graph.nodes[i][0] == "symbol"} if graph else set()
-    prefixes = {name.rstrip("0123456789") for name in read}
-    if prefixes & {"sign", "root"}:
+    prefixes = {name.rstrip("0123456789") for name in _symbols(function)}
+    if live_friction_signals(function):
         prefixes.add("dq")
     return [argument(prefix) for prefix in function.inputs if prefix not in prefixes]
 
 
-def live_signs(function: Function) -> dict[str, FrictionSignal]:
+def live_friction_signals(function: Function) -> dict[str, FrictionSignal]:
     """The function's friction signals that its entries read."""
+    read = _symbols(function)
+    return {name: signal for name, signal in function.friction_signals.items() if name in read}
+
+
+def _symbols(function: Function) -> set[str]:
+    """Symbols that the entries read."""
     outputs = list(function.entries.values())
     if not outputs:
-        return {}
+        return set()
     graph = outputs[0].graph
-    read = {graph.nodes[i][1] for i in reachable(graph, outputs) if graph.nodes[i][0] == "symbol"}
-    return {name: signal for name, signal in function.signs.items() if name in read}
+    return {graph.nodes[i][1] for i in reachable(graph, outputs) if graph.nodes[i][0] == "symbol"}
 
 
 def speed(ratios: tuple[float, ...]) -> str:

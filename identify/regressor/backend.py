@@ -24,13 +24,13 @@ class Backend:
         if compiler is False:
             self._give_up("as asked for")
 
-    def library(self, source: str, compile: bool) -> ctypes.CDLL | None:
-        """The source as a library, from the cache or, where `compile` is set, compiled; None where that fails."""
+    def library(self, source: str, may_compile: bool) -> ctypes.CDLL | None:
+        """The source as a library, from the cache or, where `may_compile` is set, compiled; None where that fails."""
         compiler = self.compiler
         if compiler is None:
             return None
         try:
-            loaded = library(source, compiler, compile)
+            loaded = library(source, compiler, may_compile)
         except CompilerError as error:
             self._give_up(str(error))
             return None

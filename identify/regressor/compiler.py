@@ -58,9 +58,9 @@ def find_compiler(command: str | None) -> Compiler:
     return Compiler(path, lines[0] if lines else Path(path).name)
 
 
-def library(source: str, compiler: Compiler, compile: bool = True) -> ctypes.CDLL | None:
-    """The source as a loaded library, from the cache or compiled into it; None where it is not there and `compile`
-    is not set."""
+def library(source: str, compiler: Compiler, may_compile: bool = True) -> ctypes.CDLL | None:
+    """The source as a loaded library, from the cache or compiled into it; None where it is not there and `may_compile`
+    is not set. CompilerError where neither works."""
     try:
         folder = cache_folder()
         key = _digest("1", source, *FLAGS, compiler.path, compiler.version, _machine())
@@ -69,7 +69,7 @@ def library(source: str, compiler: Compiler, compile: bool = True) -> ctypes.CDL
                 os.utime(file)
                 return ctypes.CDLL(str(file))
             file.unlink(missing_ok=True)
-        if not compile:
+        if not may_compile:
             return None
         file = _compiled(source, compiler, folder, key)
         _tidy(folder, file)

@@ -21,32 +21,36 @@ from identify.symbolic.trigonometry import Algebra, algebra
 if TYPE_CHECKING:
     import sympy
 
+RANK = 1e-9
+"""Share of the largest singular value below which another counts as zero."""
+
 SINGULAR = 1e-2
 """Share of the largest singular value below which damping sets in."""
 
 DAMPING = 1e-2
 """Largest damping factor, as a share of the largest singular value."""
 
-
-def pseudo_inverse(matrix: np.ndarray, tolerance: float = 1e-9) -> np.ndarray:
-    """(…, n, 6) J⁺ [2.38]: singular values below `tolerance` times the largest count as zero."""
-    return np.linalg.pinv(np.asarray(matrix, dtype=float), rcond=tolerance)
+DIFFERENCE = 1e-6
+"""Step of the central differences [rad or m]."""
 
 
-def damped_inverse(
-    matrix: np.ndarray, freedom: int | None = None, singular: float = SINGULAR, damping: float = DAMPING
-) -> np.ndarray:
+def pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
+    """(…, n, 6) J⁺ [2.38]: singular values below RANK times the largest count as zero."""
+    return np.linalg.pinv(np.asarray(matrix, dtype=float), rcond=RANK)
+
+
+def damped_inverse(matrix: np.ndarray, freedom: int | None = None) -> np.ndarray:
     """(…, n, 6) inverse with factors σ/(σ² + λ²) for 1/σ, of each singular value σ: bounded through a singularity.
 
-    λ² = (1 − (σ_min/ε)²) λ_max² below ε = singular·σ_max and 0 above (Nakamura & Hanafusa 1986; Maciejewski &
-    Klein 1988), so that the solution is exact away from singularities; λ_max = damping·σ_max. freedom: largest rank
+    λ² = (1 − (σ_min/ε)²) λ_max² below ε = SINGULAR·σ_max and 0 above (Nakamura & Hanafusa 1986; Maciejewski &
+    Klein 1988), so that the solution is exact away from singularities; λ_max = DAMPING·σ_max. freedom: largest rank
     the robot's Jacobian has anywhere (min(6, n) if not given); singular values beyond it count as zero.
     """
     u, s, vt = np.linalg.svd(np.asarray(matrix, dtype=float), full_matrices=False)
     largest = np.maximum(s[..., :1], np.finfo(float).tiny)
     freedom = s.shape[-1] if freedom is None else freedom
-    near = np.minimum(s[..., freedom - 1 : freedom] / (singular * largest), 1.0)
-    square = (1.0 - near**2) * (damping * largest) ** 2
+    near = np.minimum(s[..., freedom - 1 : freedom] / (SINGULAR * largest), 1.0)
+    square = (1.0 - near**2) * (DAMPING * largest) ** 2
     factors = s / np.maximum(s * s + square, np.finfo(float).tiny)
     factors[..., freedom:] = 0.0
     return np.swapaxes(vt, -1, -2) @ (factors[..., None] * np.swapaxes(u, -1, -2))
@@ -113,14 +117,14 @@ def manipulability(robot: Robot, q: np.ndarray) -> np.ndarray:
     return values[:, : largest_rank(robot)].prod(axis=1)
 
 
-def toward_manipulability(robot: Robot, step: float = 1e-6) -> Callable[[np.ndarray], np.ndarray]:
+def toward_manipulability(robot: Robot) -> Callable[[np.ndarray], np.ndarray]:
     """Gradient of `manipulability` by central differences: with a positive gain, away from singularities."""
 
     def gradient(q: np.ndarray) -> np.ndarray:
         q = positions(robot, q)
-        moves = step * np.eye(robot.n)
+        moves = DIFFERENCE * np.eye(robot.n)
         pairs = [manipulability(robot, q + move) - manipulability(robot, q - move) for move in moves]
-        return np.stack(pairs, axis=1) / (2 * step)
+        return np.stack(pairs, axis=1) / (2 * DIFFERENCE)
 
     return gradient
 

@@ -193,7 +193,7 @@ def harmonic(angle: sympy.Expr) -> dict[int, int]:
     return {int(s.name[1:]) - 1: int(k) for s, k in angle.as_coefficients_dict().items()}
 
 
-def recognised(outputs: Sequence[Expression], quantities: Mapping[str, Scalar], seed: int = 0) -> dict[int, str]:
+def recognised(outputs: Sequence[Expression], quantities: Mapping[str, Scalar]) -> dict[int, str]:
     """{node index: name} of the nodes below the outputs that are one of the quantities, expressions of any graph.
 
     Told by their values at an arbitrary point, so that it does not matter how either is written.
@@ -204,7 +204,7 @@ def recognised(outputs: Sequence[Expression], quantities: Mapping[str, Scalar], 
     sought = {name: e for name, e in quantities.items() if isinstance(e, Expression) and arguments(e.key)}
     graphs = {id(e.graph): e.graph for e in (*nodes[:1], *sought.values())}
     symbols = sorted({node[1] for graph in graphs.values() for node in graph.nodes if node[0] == "symbol"})
-    point = dict(zip(symbols, np.random.default_rng(seed).uniform(0.5, 1.9, len(symbols)).tolist(), strict=True))
+    point = dict(zip(symbols, np.random.default_rng(0).uniform(0.5, 1.9, len(symbols)).tolist(), strict=True))
     values = np.array(evaluate(nodes, point))
     found: dict[int, str] = {}
     for graph in graphs.values():

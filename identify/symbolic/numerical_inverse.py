@@ -51,12 +51,12 @@ def _step(robot: Robot, q: np.ndarray, error: np.ndarray, damping: np.ndarray) -
     return np.linalg.solve(normal, np.swapaxes(j, 1, 2) @ error[:, :, None])[:, :, 0]
 
 
-def search(robot: Robot, pose: np.ndarray, current: np.ndarray, seed: int = 0) -> np.ndarray:
+def search(robot: Robot, pose: np.ndarray, current: np.ndarray) -> np.ndarray:
     """(k, n) solutions of ⁰T_n(q) = pose (4, 4) found by Newton from `current` and from STARTS seeded starts.
 
     Finds what it finds: other solutions may exist. Redundant robots have infinitely many; these are some.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     q = np.vstack([current, rng.uniform(*_box(robot, pose), (STARTS, robot.n))])
     poses = np.broadcast_to(pose, (len(q), 4, 4))
     damping = np.full(len(q), 1e-3)

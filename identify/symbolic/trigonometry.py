@@ -32,6 +32,9 @@ if TYPE_CHECKING:
 Polynomial = Any
 """An element of sympy's sparse polynomial ring; sympy ships no types for it."""
 
+PROBES = 3
+"""Configurations at which a polynomial that may be zero is looked at."""
+
 
 @dataclass(frozen=True)
 class Algebra:
@@ -188,10 +191,10 @@ def _irrational(expressions: Iterable[sympy.Expr]) -> set[sympy.Expr]:
     return found
 
 
-def probes(robot: Robot, space: Algebra, count: int = 3) -> np.ndarray:
-    """(generators, count) values at fixed arbitrary configurations and the poses there: tell what is always zero."""
+def probes(robot: Robot, space: Algebra) -> np.ndarray:
+    """(generators, PROBES) values at fixed arbitrary configurations and the poses there: tell what is always zero."""
     rng = np.random.default_rng(20)
-    q = rng.uniform(-2.5, 2.5, (count, robot.n))
+    q = rng.uniform(-2.5, 2.5, (PROBES, robot.n))
     return space.sample(q, direct_geometry(robot, q, robot.n - 1))
 
 

@@ -111,7 +111,7 @@ def test_a_library_is_private_and_compiled_once(
     assert [path.name for path in cache.iterdir()] == [file.name]
     assert stat.S_IMODE(cache.stat().st_mode) == 0o700
     assert not stat.S_IMODE(file.stat().st_mode) & 0o077
-    assert library("int other(void) { return 1; }\n", compiler, compile=False) is None
+    assert library("int other(void) { return 1; }\n", compiler, may_compile=False) is None
 
     def compiled(*_: object) -> Path:
         raise AssertionError("compiled again")
@@ -147,7 +147,7 @@ def test_a_library_that_others_may_write_is_not_loaded(cache: Path, compiler: Co
     library(SOURCE, compiler)
     (file,) = libraries(cache)
     file.chmod(0o666)
-    assert library(SOURCE, compiler, compile=False) is None
+    assert library(SOURCE, compiler, may_compile=False) is None
     assert libraries(cache) == []
 
 
@@ -251,7 +251,7 @@ def test_the_cache_stays_small(cache: Path, monkeypatch: pytest.MonkeyPatch, com
             os.utime(file, (file.stat().st_mtime - 10,) * 2)
     assert len(libraries(cache)) == 3
     assert [path.name for path in cache.glob("part-*")] == ["part-at-work"]
-    last = library("int answer(void) { return 4; }\n", compiler, compile=False)
+    last = library("int answer(void) { return 4; }\n", compiler, may_compile=False)
     assert last is not None
     assert last.answer() == 4
 

@@ -73,7 +73,7 @@ def choose_settings(
     friction: Collection[str] | None = None,
     progress: Progress = None,
 ) -> tuple[Settings, list[dict[str, Any]]]:
-    """Settings of the torque model for these logs, and what was tried: [{settings, score_percent, …}].
+    """Settings of the torque model for these logs, and what was tried: [{settings, all_percent, moving_percent}].
 
     friction: the further forms of friction to have, which are chosen too where it is None.
     """

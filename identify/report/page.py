@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from identify.errors import InputError, OutputError
+from identify.estimation.identification import CURVES, FORMAT, RECORD
 from identify.report import data, evidence, friction, parameters, physics, prediction, verdict
 from identify.report.drawing import drawing
 from identify.report.markup import SPRITE, Section, esc, fold, prose, warned
 from identify.report.record import Record, part, rejected
 
-FORMAT = "identify/parameters/1"
 _STYLE = re.compile(r' style="([^"]*)"')
 _UNPRINTABLE = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
@@ -89,7 +89,7 @@ def write(folder: str | os.PathLike[str]) -> Path:
 
 
 def _read_record(folder: Path) -> dict[str, Any]:
-    path = folder / "parameters.json"
+    path = folder / RECORD
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -105,7 +105,7 @@ def _read_record(folder: Path) -> dict[str, Any]:
 
 def _read_curves(folder: Path) -> dict[str, np.ndarray]:
     """The arrays of curves.npz; none where there is no such file."""
-    path = folder / "curves.npz"
+    path = folder / CURVES
     if not path.exists():
         return {}
     try:

@@ -94,24 +94,23 @@ def _links(rows: list[Mapping[str, Any]]) -> str:
     """One row a link: mass, centre of mass, principal moments, triangle inequality, smallest eigenvalue."""
     head, columns = [("link of", "text")], [[esc(row.get("name", "")) for row in rows]]
 
-    def add(title: str, values: list[Any], digits: int = 3) -> None:
+    def add(title: str, values: list[Any], shown: list[str]) -> None:
+        """A column, unless there is none of its values."""
         if any(finite(x) is not None for x in values):
             head.append((title, "number"))
-            columns.append([esc(x) for x in column(values, digits)])
+            columns.append([esc(x) for x in shown])
 
-    add(f"mass{unit('kg')}", [row.get("mass") for row in rows])
+    masses = [row.get("mass") for row in rows]
+    add(f"mass{unit('kg')}", masses, column(masses, 3))
     for axis, name in enumerate("xyz"):
-        add(f"centre {name}{unit('m')}", [_micrometres(_entry(row.get("com"), axis)) for row in rows], 2)
-    for k, name in enumerate(("A", "B", "C")):
+        centres = [_micrometres(_entry(row.get("com"), axis)) for row in rows]
+        add(f"centre {name}{unit('m')}", centres, column(centres, 2))
+    for k, name in enumerate("ABC"):
         moments = [_entry(row.get("principal_moments"), k) for row in rows]
-        if any(finite(x) is not None for x in moments):
-            head.append((f"{name}{unit('kg·m²')}", "number"))
-            columns.append([esc(significant(x)) for x in moments])
+        add(f"{name}{unit('kg·m²')}", moments, [significant(x) for x in moments])
     for key, title in (("triangle_margin", f"A + B − C{unit('kg·m²')}"), ("min_eigenvalue", "smallest eigenvalue")):
         values = [row.get(key) for row in rows]
-        if any(finite(x) is not None for x in values):
-            head.append((title, "number"))
-            columns.append([esc(significant(x, 2)) for x in values])
+        add(title, values, [significant(x, 2) for x in values])
     head.append(("possible", "text"))
     columns.append([status("MET" if (finite(row.get("min_eigenvalue")) or 0.0) > 0 else "NOT MET") for row in rows])
     notes = Notes()

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from identify.validation.cross_check import AGREE
+
 MEAN_LIMIT = 100.0
 """Residual [% of the signal's standard deviation] of a model that predicts each joint's mean."""
 
@@ -13,8 +15,6 @@ ZERO_LIMIT = 100.0
 
 WELL_KNOWN = 10.0
 """Relative standard deviation [%] below which a parameter counts as well identified (Gautier & Khalil 1992)."""
-
-ENGINES_AGREE = 1e-9
 
 
 def rejected(reasons: tuple[str, ...]) -> dict[str, Any]:
@@ -50,7 +50,7 @@ def verdict(record: dict[str, Any]) -> dict[str, Any]:
     actions: list[str] = []
     uses = [_prediction(record, reasons, actions), _simulation(record), _payload(record)]
     for engine, error in _engines(record):
-        if error > ENGINES_AGREE:
+        if error > AGREE:
             reasons.append(
                 f"the regressor differs from {engine} by {error:.1e} of the torque scale: a defect in the robot model"
             )
@@ -81,20 +81,14 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
             "result": "no held-out log",
             "action": "Pass a log of another motion with --test.",
         }
-    shares = []
+    shares: list[float] = []
     for test in record["test"]:
         if test["is_a_training_log"]:
             reasons.append(f"{test['path']}: is a training log too, so that it tests nothing")
             continue
-        bad = []
-        for joint in test["per_joint"]:
-            if joint["moving_rmse"] is None or not joint["std_of_signal"]:
-                continue
-            share = 100 * joint["moving_rmse"] / joint["std_of_signal"]
-            shares.append(share)
-            if share >= MEAN_LIMIT:
-                bad.append(joint["joint"])
-        if bad:
+        found = _shares(test)
+        shares += found.values()
+        if bad := [name for name, share in found.items() if share >= MEAN_LIMIT]:
             reasons.append(f"{test['path']}: {', '.join(bad)} predicted worse than by the mean of its torque")
         outside = [
             (share, joint["joint"])
@@ -152,7 +146,7 @@ def _simulation(record: dict[str, Any]) -> dict[str, Any]:
     tests = [
         mine for mine, test in zip(physical["test"], record["test"], strict=False) if not test["is_a_training_log"]
     ]
-    shares = _shares(tests)
+    shares = [share for test in tests for share in _shares(test).values()]
     found = [x for t in tests if (x := t["moving_relative_residual_percent"]) is not None]
     if found:
         told += f"; residual {max(found):.2g} % of the torque on unseen motion, moving"
@@ -172,14 +166,13 @@ def _simulation(record: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _shares(tests: list[dict[str, Any]]) -> list[float]:
-    """RMSE [% of the signal's standard deviation] of every joint that moves in a held-out log."""
-    return [
-        100 * joint["moving_rmse"] / joint["std_of_signal"]
-        for test in tests
+def _shares(test: dict[str, Any]) -> dict[str, float]:
+    """RMSE [% of the signal's standard deviation] of every joint that moves in a held-out log, by its name."""
+    return {
+        joint["joint"]: 100 * joint["moving_rmse"] / joint["std_of_signal"]
         for joint in test["per_joint"]
         if joint["moving_rmse"] is not None and joint["std_of_signal"]
-    ]
+    }
 
 
 def _payload(record: dict[str, Any]) -> dict[str, Any]:

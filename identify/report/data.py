@@ -11,7 +11,6 @@ from identify.report.markup import Notes, Section, absent, esc, figures, listing
 from identify.report.record import UNKNOWN, Record, items, joints, part, reason, rejected, short
 
 DONE = (
-    ("cutoff_hz", "Every signal passed the same zero-phase low-pass of {} Hz"),
     ("position_cutoff_hz", "Positions passed a zero-phase low-pass of {} Hz before they were differentiated"),
     ("energy_cutoff_hz", "For energies, which need no acceleration, positions passed one of {} Hz"),
     ("effort_cutoff_hz", "Effort and every column of the model passed the same zero-phase low-pass of {} Hz"),
@@ -130,7 +129,7 @@ def _coverage_table(rows: Sequence[Mapping[str, Any]], robot: Sequence[Mapping[s
 
 
 def _done(record: Record) -> str:
-    """The settings as sentences: filter, decimation, rest, friction form, how they were chosen, what was left out."""
+    """The settings as sentences: filter, decimation, rest, friction form, how they were chosen."""
     settings = part(record, "settings")
     if not isinstance(settings, Mapping):
         return absent("No settings.", reason(record, "settings"))
@@ -148,15 +147,13 @@ def _done(record: Record) -> str:
         told.append(f"Coulomb friction follows the {settings['coulomb_form']} of the velocity{through}")
     if settings.get("chosen_by"):
         told.append(f"These settings were chosen by {settings['chosen_by']}{_candidates(settings)}")
-    told += [f"Left out: {text}" for text in items(settings, "discarded")]
     return listing(told, "done")
 
 
 def _candidates(settings: Mapping[str, Any]) -> str:
     """How many settings were tried, and the least residual on blocks left out."""
-    for key, words in (("moving_percent", ", moving"), ("score_percent", "")):
-        scores = [s for c in items(settings, "candidates") if (s := finite(part(c, key))) is not None]
-        if scores:
-            least = f"the least residual on blocks left out was {percent(min(scores))}{words}"
-            return f", out of {len(scores)} candidates; {least}"
-    return ""
+    scores = [s for c in items(settings, "candidates") if (s := finite(part(c, "moving_percent"))) is not None]
+    if not scores:
+        return ""
+    least = f"the least residual on blocks left out was {percent(min(scores))}, moving"
+    return f", out of {len(scores)} candidates; {least}"

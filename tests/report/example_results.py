@@ -136,9 +136,9 @@ def example(
             "effective_samples": 2950,
             "rows": 9000,
             "candidates": [
-                {"settings": {"position_cutoff_hz": c}, "score_percent": s} for c, s in ((5, 3.1), (10, 2.4), (20, 4.9))
+                {"settings": {"position_cutoff_hz": c}, "moving_percent": s}
+                for c, s in ((5, 3.1), (10, 2.4), (20, 4.9))
             ],
-            "discarded": ["rows within 12 ms of a reversal, 3.1 % of the training rows"],
         },
         "test": tests or None,
         "coverage": {"per_joint": [_coverage(k, joints[k], n) for k in range(n)]},

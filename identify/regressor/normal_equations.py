@@ -14,7 +14,9 @@ from identify.regressor.regressor import Regressor
 class NormalEquations:
     """Sums over samples, one set a joint, so that joints may be weighted afterwards: Σ w_j·gram_j·θ = Σ w_j·moment_j.
 
-    gram (n, p, p) YᵀY; moment (n, p) YᵀΓ; power (n,) ΓᵀΓ; samples. Those of several logs add up.
+    gram (n, p, p) YᵀY, moment (n, p) YᵀΓ and power (n,) ΓᵀΓ of each joint's rows, in (N·m or N)² over the parameters'
+    units, columns in the order of `Regressor.names`; samples: their number N. Those of several logs add up. The method
+    of normal equations: Björck (1996).
     """
 
     gram: np.ndarray
@@ -31,7 +33,10 @@ class NormalEquations:
         effort: np.ndarray,
         sign: Sign = np.sign,
     ) -> NormalEquations:
-        """From joint signals and effort, (N, n) each, SI."""
+        """From joint signals q, dq, ddq and effort [N·m or N], (N, n) each: SI, joint side, in the robot's order.
+
+        sign: of a velocity, as for `Regressor.torque`. ValueError where shapes differ.
+        """
         n, p = regressor.robot.n, regressor.p
         sums = [np.zeros((len(support) + 1,) * 2) for support in regressor.supports]
         for block in regressor.rows(q, dq, ddq, effort, sign):
@@ -49,17 +54,21 @@ class NormalEquations:
         )
 
     def solution(self, weights: np.ndarray) -> np.ndarray:
-        """(p,) θ of least squares with weights (n,), one over each joint's variance. See `refined`."""
+        """(p,) θ of least squares [SI], in the order of `Regressor.names`, by Cholesky's factors. See `refined`.
+
+        weights (n,): one over the variance of each joint's effort [1/(N·m)² or 1/N²]. ValueError where the samples
+        can't tell parameters apart.
+        """
         return self._solve(weights, weights @ self.moment)
 
     def residual_power(self, theta: np.ndarray) -> np.ndarray:
-        """(n,) Σ (Γ − Y·θ)² of each joint; what is left of sums of squares, good to 1e-15 of `power`."""
+        """(n,) Σ (Γ − Y·θ)² [(N·m)² or N²] of each joint at theta (p,): a difference, good to 1e-15 of `power`."""
         quadratic = np.einsum("k,jkl,l->j", theta, self.gram, theta)
         return np.maximum(self.power - 2 * self.moment @ theta + quadratic, 0.0)
 
     def condition_number(self, weights: np.ndarray) -> float:
-        """Condition number of the column-scaled weighted rows; above 1e7 only its order is right, as a Gram matrix
-        holds its square."""
+        """Condition number (2-norm) of the rows, weights (n,), with columns scaled to norm 1; above 1e7 only its order
+        is right, as a Gram matrix holds its square. ValueError where a column is zero."""
         size = np.linalg.eigvalsh(self._scaled(weights)[0])
         return float(np.sqrt(size[-1] / max(size[0], 1e-300)))
 
@@ -74,7 +83,10 @@ class NormalEquations:
         effort: np.ndarray,
         sign: Sign = np.sign,
     ) -> np.ndarray:
-        """θ corrected by the solution for its own residual, in one more pass over the signals: as good as QR's."""
+        """(p,) θ corrected by the solution for its own residual, in one more pass over the signals: as good as QR's.
+
+        theta (p,) and weights (n,) as in `solution`; the signals (N, n) that the sums were made of.
+        """
         moment = np.zeros(regressor.p)
         factors = [np.append(-theta[support], 1.0) for support in regressor.supports]
         for block in regressor.rows(q, dq, ddq, effort, sign):
@@ -83,7 +95,7 @@ class NormalEquations:
         return theta + self._solve(weights, moment)
 
     def _scaled(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The weighted Gram matrix of columns of norm 1, and what they were divided by (p,)."""
+        """(p, p) weighted Gram matrix of columns of norm 1, and the norms (p,) that they were divided by."""
         gram = np.tensordot(weights, self.gram, 1)
         norm = np.sqrt(gram.diagonal())
         if not norm.all():

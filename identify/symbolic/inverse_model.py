@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import TYPE_CHECKING, Any
 
 from identify.errors import InputError
@@ -30,6 +30,10 @@ FORMS = {
 }
 
 
+QUARTIC = ("QCC", "QCS", "QC", "QS", "Q")
+"""Names of the coefficients A, B, D, E and F of type 9, before the unknown's label."""
+
+
 def symbolic_inverse_geometry(robot: Robot) -> SymbolicModel:
     """Inverse geometric model by Paul's method.
 
@@ -50,7 +54,8 @@ def symbolic_inverse_geometry(robot: Robot) -> SymbolicModel:
         own, given = _formulas(found, stage)
         expressions |= own
         inputs += given
-    used = _used(expressions)
+    coefficients = {f"{c}{label_of(s.step.unknown)}" for s in found.stages if s.step.type == 9 for c in QUARTIC}
+    used = _used(expressions, coefficients | {f"q{j + 1}" for j in range(robot.n)})
     if not used:
         raise InputError(
             f"{robot.name}: no formula to print: no known type of equation gives {_joints(found)}; "
@@ -217,7 +222,7 @@ def _type_3(label: str, parts: list[sympy.Expr]) -> Formulas:
 
 
 def _type_9(label: str, parts: list[sympy.Expr]) -> Formulas:
-    names = [f"{letter}{label}" for letter in ("QCC", "QCS", "QC", "QS", "Q")]
+    names = [f"{letter}{label}" for letter in QUARTIC]
     return dict(zip(names, parts, strict=True)), [f"q{label}"]
 
 
@@ -230,12 +235,12 @@ def _type_10(label: str, parts: list[sympy.Expr]) -> Formulas:
     return own, [sign.name]
 
 
-def _used(expressions: dict[str, sympy.Expr]) -> dict[str, sympy.Expr]:
-    """Without cosines and sines that nothing reads; joint variables and what they need stay."""
+def _used(expressions: dict[str, sympy.Expr], wanted: Collection[str]) -> dict[str, sympy.Expr]:
+    """The expressions of these names and those that they read."""
     kept: dict[str, sympy.Expr] = {}
     read: set[str] = set()
     for name in reversed(list(expressions)):
-        if name in read or (name.startswith("q") and name[1:].isdigit() and len(name) == 2):
+        if name in read or name in wanted:
             kept[name] = expressions[name]
             read |= {symbol.name for symbol in expressions[name].free_symbols}
     return dict(reversed(kept.items()))

@@ -110,6 +110,19 @@ def test_types_of_equations_that_are_recognised() -> None:
     assert not plan(THREE_PARALLEL).missing
 
 
+def test_coefficients_of_the_fourth_degree_are_printed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No formula reads them: they stand for the joint's own, which becomes an input."""
+    found = plan(rx90())
+    first, *others = found.stages
+    x, y, z = first.step.coefficients
+    quartic = replace(first, step=replace(first.step, type=9, via=None, coefficients=(x, y, z, x, y)))
+    changed = replace(found, stages=(quartic, *others))
+    monkeypatch.setattr("identify.symbolic.inverse_model.plan", lambda robot: changed)
+    model = symbolic_inverse_geometry(rx90())
+    assert {"QCC1", "QCS1", "QC1", "QS1", "Q1"} <= model.expressions.keys()
+    assert "q1" in model.inputs
+
+
 def test_singular_poses_keep_the_current_value() -> None:
     robot = rx90()
     d3, rl4 = robot.joints[2].d, robot.joints[3].r

@@ -22,7 +22,8 @@ import numpy as np
 from identify.errors import InputError
 from identify.experiment.trajectory import Trajectory
 from identify.robot.mjcf import depth_first, to_mjcf
-from identify.robot.robot import Robot
+from identify.robot.payload import carrying
+from identify.robot.robot import Link, Robot
 
 TIMESTEP = 0.0005
 """Integration and control step of the plant [s]."""
@@ -78,9 +79,11 @@ def run_plant(
     bandwidth_hz: float = BANDWIDTH_HZ,
     progress: Callable[[float, str], None] | None = None,
     each: Callable[[np.ndarray, np.ndarray, np.ndarray, dict[str, str]], None] | None = None,
+    load: Link | None = None,
 ) -> PlantRun:
     """Let the robot follow `trajectory` from rest and keep every `every`-th step of 0.5 ms.
 
+    load: what it carries, in R_n, of which the controller knows nothing, as a cell that has yet to learn its load.
     each: gets time (k,), position and effort (k, n) of every quarter of a second as soon as it is over, and how the
     plant is run.
 
@@ -103,12 +106,13 @@ def run_plant(
     omega, diagonal = _loop(robot, q_ref, 2 * np.pi * bandwidth_hz)
     stiffness, damping = omega**2 * diagonal, 2 * omega * diagonal
     command = stiffness * q_ref + damping * dq_ref + feedforward  # (steps + 1, n)
-    step_correction = _half_step_of_coriolis(robot, trajectory, time)
+    arm = robot if load is None else carrying(robot, load)
+    step_correction = _half_step_of_coriolis(arm, trajectory, time)
 
     tell(0.4, "plant")
     order = list(depth_first(robot))
     model = mujoco.MjModel.from_xml_string(
-        to_mjcf(robot, timestep=TIMESTEP, position_gain=stiffness, velocity_gain=damping)
+        to_mjcf(arm, timestep=TIMESTEP, position_gain=stiffness, velocity_gain=damping)
     )
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_EULERDAMP
     model.dof_armature += model.dof_damping * TIMESTEP / 2

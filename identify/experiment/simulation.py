@@ -16,7 +16,8 @@ from identify.experiment.trajectory import Trajectory
 from identify.logs.files import digest, refuse_existing, replacing
 from identify.logs.log import Log
 from identify.logs.mcap_writer import Recorder, recording, write_mcap
-from identify.robot.robot import Robot
+from identify.robot.payload import carrying
+from identify.robot.robot import Link, Robot
 from identify.robot.toml_writing import write_toml
 
 TRUTH_FORMAT = "identify/truth/1"
@@ -28,35 +29,40 @@ def simulate(
     noise: str = "standard",
     seed: int = 0,
     progress: Callable[[float, str], None] | None = None,
+    load: Link | None = None,
 ) -> tuple[Log, dict[str, Any]]:
     """Run `trajectory` on the simulated `robot` and measure it: the 1 kHz Log, and the truth behind it.
 
-    noise: none, standard or high; seed of the sensor noise, the only random thing here. The truth is a table fit
-    for JSON; nothing of it is in the log. Limits that the motion broke are in the log's findings.
+    noise: none, standard or high; seed of the sensor noise, the only random thing here. load: what the robot carries,
+    in R_n, unknown to its controller. The truth is a table fit for JSON; nothing of it is in the log. Limits that the
+    motion broke are in the log's findings.
     InputError for a trajectory of another robot; RobotError for inertias that MuJoCo can't hold.
     """
     check_noise(noise, seed)
     tell = progress or (lambda fraction, text: None)
-    run = run_plant(robot, trajectory, progress=lambda fraction, text: tell(0.8 * fraction, text))
+    run = run_plant(robot, trajectory, progress=lambda fraction, text: tell(0.8 * fraction, text), load=load)
     tell(0.8, "sensors")
     log = measure(run, noise, seed, robot)
     tell(1.0, "sensors")
-    return log, truth(robot, noise, seed, run.facts)
+    return log, truth(robot, noise, seed, run.facts, load)
 
 
-def truth(robot: Robot, noise: str, seed: int, facts: dict[str, str]) -> dict[str, Any]:
+def truth(robot: Robot, noise: str, seed: int, facts: dict[str, str], load: Link | None = None) -> dict[str, Any]:
     """The true parameters of a simulated robot, SI, joint side, as LOG.truth.json holds them.
 
-    standard_names and standard (11 n): XX1 … M1, Ia1, XX2 …; friction, per joint Fv, Fs and offset; drives, per
-    joint Ia; transmission: the extra inertia and friction of coupled motors, which the plant leaves at zero.
+    standard_names and standard (11 n): XX1 … M1, Ia1, XX2 …, the last link with its load; friction, per joint Fv, Fs
+    and offset; drives, per joint Ia; transmission: the extra inertia and friction of coupled motors, which the plant
+    leaves at zero; payload: the load (10,) XX … M about O_n in the axes of R_n, null without one.
     """
+    arm = robot if load is None else carrying(robot, load)
     return {
         "format": TRUTH_FORMAT,
         "robot": robot.name,
         "noise": noise,
         "seed": seed,
         "standard_names": list(robot.standard_names),
-        "standard": [float(value) for value in robot.standard],
+        "standard": [float(value) for value in arm.standard],
+        "payload": None if load is None else [float(value) for value in load.standard],
         "friction": [
             {
                 "joint": joint.name,
@@ -89,6 +95,7 @@ def record_experiment(
     seed: int = 0,
     force: bool = False,
     progress: Callable[[float, str], None] | None = None,
+    load: Link | None = None,
 ) -> None:
     """Simulate, and write log and truth as save_experiment does, the log while the plant runs.
 
@@ -119,12 +126,13 @@ def record_experiment(
             trajectory,
             progress=lambda fraction, text: tell(0.9 * fraction, text),
             each=each if bounded else None,
+            load=load,
         )
         if recorders and run.findings:
             recorders[0].note(findings_entry(run.findings))
     if not bounded:
         write_mcap(measure(run, noise, seed, robot), path, attachments)
-    _save_truth(truth(robot, noise, seed, run.facts), path)
+    _save_truth(truth(robot, noise, seed, run.facts, load), path)
     tell(1.0, "log")
 
 

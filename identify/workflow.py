@@ -76,7 +76,7 @@ def fit(
     log: Log | Sequence[Log],
     robot: Robot,
     test: Sequence[Log] = (),
-    model: str = "torque",
+    model: str | None = None,
     estimator: str | None = None,
     command: str = "",
     progress: Progress = None,
@@ -84,7 +84,8 @@ def fit(
 ) -> Identification:
     """Identify base and friction parameters from one log or several, and check them on `test` logs.
 
-    model: "torque" or "energy"; both are fitted, this one is the result. estimator: see estimation.fitting.ESTIMATORS.
+    model: "torque" (the default) or "energy"; both are fitted, this one is the result. estimator: a name of
+    estimation.estimators.registry.ESTIMATORS, which tells the model too; "all" for a table of all of them beside.
     friction: forms of it beside viscous, Coulomb and offset, "cube_root" and "presliding", with commas between or in a
     collection; "plain" for none of them; by default ("auto") those that cross-validation finds worth it.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
@@ -92,12 +93,12 @@ def fit(
     import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
     from threadpoolctl import threadpool_limits
 
-    from identify.estimation.fitting import check_choice
+    from identify.estimation.estimators.registry import choice
     from identify.logs.triage import refusals
     from identify.regressor.friction import chosen_forms
     from identify.regressor.regressor import Regressor
 
-    check_choice(model, estimator)
+    choice(model, estimator)
     forms = chosen_forms(friction)
     train = _for_robot([log] if isinstance(log, Log) else log, robot)
     test = _for_robot(test, robot)
@@ -130,7 +131,7 @@ def fit_to_folder(
     robot: Robot,
     folder: Folder,
     test: Sequence[Log] = (),
-    model: str = "torque",
+    model: str | None = None,
     estimator: str | None = None,
     force: bool = False,
     command: str = "",
@@ -142,6 +143,7 @@ def fit_to_folder(
     Returns the record; its verdict's status tells the two apart.
     """
     from identify import record as records
+    from identify.estimation.estimators.registry import choice
     from identify.estimation.identification import RECORD, save_folder
     from identify.logs.folders import check_replaceable
     from identify.report.page import render
@@ -154,8 +156,11 @@ def fit_to_folder(
         record, curves = result.record, result.curves
     except UnsupportedLogError as error:
         train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
-        triage = looked_over([*train, *held_out], robot)
-        record = records.rejected(records.head(robot, model, train, held_out, command, triage), rejected(error.reasons))
+        triage, of_model = looked_over([*train, *held_out], robot), choice(model, estimator).model
+        record = records.rejected(
+            records.head(robot, of_model, train, held_out, command, triage),
+            rejected(error.reasons),
+        )
         curves = _raw_curves(train)
     if progress:
         progress(0.95, "report")
@@ -229,7 +234,7 @@ def _identified(
     regressor: Regressor,
     train: list[Log],
     test: list[Log],
-    model: str,
+    model: str | None,
     estimator: str | None,
     forms: tuple[str, ...] | None,
     command: str,
@@ -237,16 +242,18 @@ def _identified(
     progress: Progress,
 ) -> Identification:
     from identify import record as records
-    from identify.estimation.fitting import ALL, agreement, fit_models
+    from identify.estimation.estimators.registry import ALL
+    from identify.estimation.fitting import agreement, fit_models
     from identify.estimation.identification import Identification
     from identify.validation import cross_check, held_out
+    from identify.validation.estimators import compared
     from identify.validation.truth import true_parameters
     from identify.validation.verdict import refusals_of_fit, verdict
 
     tell = progress or (lambda share, text: None)
     robot = regressor.robot
     both = fit_models(regressor, train, model, estimator, forms, lambda share, text: tell(0.7 * share, text))
-    chosen = _chosen(both, model)
+    chosen, model = both.chosen, both.chosen.model
     regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
     tell(0.7, "residuals and held-out logs")
     figures, curves = _on_training(both, chosen, train)
@@ -287,8 +294,8 @@ def _identified(
     }
     if not tests:
         record["test_reason"] = "no held-out log was given"
-    if estimator == ALL and both.torque:
-        record["estimators"] = _side_by_side(both.torque, train, test)
+    if estimator == ALL:
+        record["estimators"] = compared(both.problem, test)
     record["versions"]["regressor"] = regressor.backend
     record["verdict"] = verdict(record)
     return Identification(
@@ -356,28 +363,6 @@ def _physical(
     why = "the robot file's links" if described else neutral_reason
     speeds = top_speeds(regressor, train, chosen.settings)
     return found.standard, {"physical": records.physical(chosen, found, bodies, why, scores, speeds)}
-
-
-def _side_by_side(torque: ModelFit, train: list[Log], test: list[Log]) -> list[dict[str, Any]]:
-    """Every estimator of the torque model with the same settings: its residuals on training and held-out logs."""
-    from identify.estimation.fitting import ESTIMATORS, fit_torque
-    from identify.validation.held_out import figures
-
-    regressor, rows = torque.regressor, []
-    for name in ESTIMATORS:
-        each = fit_torque(regressor, train, torque.settings, name)
-        row: dict[str, Any] = {"estimator": name, "condition_number": each.estimate.condition_number}
-        for role, logs in (("train", train), ("test", test)):
-            found = figures(regressor, logs, each.estimate.parameters, each.settings)[0] if logs else {}
-            row[role] = {k: found[k] for k in RESIDUALS} if found else None
-        rows.append(row)
-    return rows
-
-
-def _chosen(both: Fit, model: str) -> ModelFit:
-    chosen = both.torque if model == "torque" else both.energy
-    assert chosen is not None, "fit_models raises where the model asked for can't be fitted"
-    return chosen
 
 
 def _raw_curves(logs: Sequence[Log]) -> dict[str, np.ndarray]:

@@ -13,6 +13,7 @@ import pytest
 from exact_logs import arm, exact_log, fitted, fitted_with_dropped_column, motion, unknown
 
 from identify import workflow
+from identify.cli.options import ESTIMATORS
 from identify.errors import InputError, LogError, OutputError, UnsupportedLogError
 from identify.estimation.identification import Identification
 from identify.logs.log import Log
@@ -165,8 +166,12 @@ def test_estimators(estimator: str) -> None:
         assert found.record["test"][0]["moving_relative_residual_percent"] < 3 * default
     else:
         assert estimates(found) == estimates(fitted())
-        assert [row["estimator"] for row in found.record["estimators"]] == ["ols", "wls"]
-        assert found.record["estimators"][1]["test"]["moving_relative_residual_percent"] == pytest.approx(default)
+        rows = {row["estimator"]: row for row in found.record["estimators"]}
+        assert tuple(rows) == tuple(ESTIMATORS)
+        assert rows["wls"]["test"]["moving_relative_residual_percent"] == pytest.approx(default)
+        for row in rows.values():
+            assert row["condition_number"] > 1
+            assert row["test"]["moving_relative_residual_percent"] < 5 * default
 
 
 def test_the_energy_model_is_the_result_that_was_asked_for() -> None:
@@ -270,7 +275,11 @@ def test_a_log_of_another_robot_is_no_log_of_this_one(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("choice", "message"),
-    [({"model": "power"}, "model is 'power'; choose one of torque, energy"), ({"estimator": "best"}, "'best'; choose")],
+    [
+        ({"model": "power"}, "model is 'power'; choose one of torque, energy"),
+        ({"estimator": "best"}, "'best'; choose"),
+        ({"model": "torque", "estimator": "power"}, "of the energy model; of the torque model are ols"),
+    ],
 )
 def test_what_there_is_not_can_not_be_chosen(choice: dict[str, str], message: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=message):

@@ -40,14 +40,14 @@ def fit_batch(
     logs instead of this machine's processes. The folder is written whole or not at all, whatever becomes of single
     logs. RobotError, InputError or OutputError where no log could be fitted at all.
     """
-    from identify.estimation.fitting import check_choice
+    from identify.estimation.estimators.registry import choice
     from identify.logs.folders import check_replaceable, replacing_folder
     from identify.robot.library import load_robot
 
     target = Path(folder)
     check_replaceable(target, RECORD, force)
     load_robot(robot, options.joints, options.gravity)  # type: ignore[arg-type]
-    check_choice(options.model, options.estimator)
+    choice(options.model, options.estimator)
     with replacing_folder(target) as part:
         tasks = [(source, robot, str(part), options) for source in sources]
         stream = engine(fit_log, tasks) if engine else over_processes(fit_log, tasks, jobs or cores())
@@ -62,6 +62,7 @@ def fit_batch(
 
 def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Sequence[str] = ()) -> dict[str, Any]:
     """The content of summary.json from the entries of `fit_log`, whichever engine mapped it."""
+    from identify.estimation.estimators.registry import choice
     from identify.validation.spread import spread
 
     entries = sorted(entries, key=lambda entry: (entry["unit"], entry["name"]))
@@ -72,7 +73,7 @@ def summarise(entries: Sequence[dict[str, Any]], options: Options, others: Seque
     return {
         "format": FORMAT,
         "robot": known and known["robot"],
-        "model": options.model,
+        "model": choice(options.model, options.estimator).model,
         "estimator": next((entry["estimator"] for entry in entries if entry["estimator"]), None),
         "counts": {state: counts[state] for state in STATES},
         **spread(fitted),

@@ -27,7 +27,7 @@ class Options:
     gravity: tuple[float, ...] | None = None
     map: str | None = None
     topic: str | None = None
-    model: str = "torque"
+    model: str | None = None
     estimator: str | None = None
     command: str = ""
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import math
 
+ESTIMATORS = ("ols", "wls", "huber", "tukey", "both", "energy", "power")
+"""Names of `estimation.estimators.registry`, here as well so that help need not load it."""
+
 LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
 
 
@@ -57,8 +60,18 @@ def fitting(command: argparse.ArgumentParser, tested: str, more: str) -> None:
         "--test", metavar="LOG", nargs="+", action="extend", default=[], help=f"logs to test {tested} on"
     )
     reading(command, more)
+    command.add_argument("--model", choices=("torque", "energy"), help="equations to fit (default: torque)")
+
+
+def estimator(command: argparse.ArgumentParser, beside: bool = False) -> None:
+    """--estimator; `beside`: whether all of them can be asked for."""
+    names = ", ".join(ESTIMATORS)
     command.add_argument(
-        "--model", choices=("torque", "energy"), default="torque", help="equations to fit (default: %(default)s)"
+        "--estimator",
+        choices=(*ESTIMATORS, "all") if beside else ESTIMATORS,
+        metavar="NAME",
+        help=f"how parameters are estimated, each from the equations it knows: {names}"
+        f"{', or all for a table of them beside the default one' if beside else ''} (default: that of the model)",
     )
 
 

@@ -11,6 +11,7 @@ from identify.cli.options import (
     as_json,
     count,
     duration,
+    estimator,
     fitting,
     frame,
     output,
@@ -22,7 +23,6 @@ from identify.cli.options import (
     seed,
 )
 
-ESTIMATORS = ("ols", "wls")
 NOISES = ("none", "standard", "high")
 WHAT = (
     "base-parameters",
@@ -223,12 +223,7 @@ def _fit(commands: Any) -> None:
     robot(command, option=True, required=True)
     output(command, "DIR", "result folder to write")
     fitting(command, "the result", "; holds for every LOG that is a table")
-    command.add_argument(
-        "--estimator",
-        choices=(*ESTIMATORS, "all"),
-        default="wls",
-        help="ordinary or weighted least squares, or all of them side by side (default: %(default)s)",
-    )
+    estimator(command, beside=True)
     command.add_argument(
         "--friction",
         metavar="NAMES",
@@ -271,12 +266,7 @@ def _batch(commands: Any) -> None:
     robot(command, option=True, required=True)
     output(command, "DIR", "folder to write")
     fitting(command, "every result", "; with it, tables count as logs")
-    command.add_argument(
-        "--estimator",
-        choices=ESTIMATORS,
-        default="wls",
-        help="ordinary or weighted least squares (default: %(default)s)",
-    )
+    estimator(command)
     command.add_argument("--jobs", type=count, metavar="N", help="logs to fit at once (default: as many as cores)")
     as_json(command)
 

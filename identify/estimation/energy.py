@@ -15,6 +15,7 @@ from identify.estimation.least_squares import Estimate, rows_per_effective_sampl
 from identify.estimation.observation import END_S, Signals, signal_pieces
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
+from identify.regressor.columns import Sign
 from identify.regressor.regressor import Regressor
 
 PASSES = 3
@@ -40,22 +41,22 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
     used = replace(settings, position_cutoff_hz=settings.energy_cutoff_hz)
     parts = []
     # A window belongs to the piece in which it starts, and may end in the next.
-    for s in signal_pieces(log, used, margin=settings.window_s + 0.1):
+    for s in signal_pieces(log, used, regressor, margin=settings.window_s + 0.1):
         width, end = max(1, round(settings.window_s * s.rate)), round(END_S * s.rate)
         begin, stop = s.first + s.inside.start - end, s.first + s.inside.stop - end
         windows = (s.total - 2 * end - 1) // width
         edges = width * np.arange(max(0, -(-begin // width)), min(windows, -(-stop // width)) + 1) + end - s.first
         if len(edges) > 1:
-            parts.append(_windows(regressor, s, edges, width))
+            parts.append(_windows(regressor, s, edges, width, used.sign if used.rest_counted else np.sign))
     if not parts:
         raise UnsupportedLogError(f"0 equations are left for {regressor.p} parameters: record a longer motion")
     return stacked_energy(parts)
 
 
-def _windows(regressor: Regressor, s: Signals, edges: np.ndarray, width: int) -> EnergyObservation:
+def _windows(regressor: Regressor, s: Signals, edges: np.ndarray, width: int, sign: Sign) -> EnergyObservation:
     """The rows between consecutive edges, indices into the signals, `width` apart."""
     matrix = np.diff(regressor.energy(s.q[edges], s.dq[edges]), axis=0)
-    taken = _integrals(regressor.power(s.dq), s, edges)
+    taken = _integrals(regressor.power(s.dq, sign, s.slip), s, edges)
     work = _integrals((s.dq * s.effort).sum(axis=1, keepdims=True), s, edges)[:, 0]
     return EnergyObservation(matrix + taken, work, _integrals(s.dq**2, s, edges), s.rate / width, regressor.names)
 
@@ -74,19 +75,14 @@ def stacked_energy(observations: list[EnergyObservation]) -> EnergyObservation:
 def energy_least_squares(observation: EnergyObservation) -> Estimate:
     """Weighted least squares over the windows: a row's variance is c0 + Σ_j c_j ∫ q̇_j² dt, with c ≥ 0 fitted to the
     squared residuals of the pass before (feasible generalised least squares)."""
-    from scipy.optimize import nnls
-
     w, y = observation.matrix, observation.work
     rows, p = w.shape
     variance = np.ones(rows)
-    explain = np.column_stack([np.full(rows, observation.action.mean() or 1.0), observation.action])
     for _ in range(PASSES + 1):
         root = np.sqrt(variance)
         inverse, condition, parameters = scaled_solution(w / root[:, None], y / root, observation.names)
         residual = y - w @ parameters
-        floor = 1e-3 * np.mean(residual**2)
-        coefficients, _ = nnls(explain / variance[:, None], residual**2 / variance)
-        variance = np.maximum(explain @ coefficients, max(floor, 1e-300))
+        variance = row_variance(observation, residual, variance)
         whitened = residual / root
     spread = np.sqrt(whitened @ whitened / max(rows - p, 1))
     inflation = rows_per_effective_sample(whitened, observation.rate)
@@ -101,6 +97,17 @@ def energy_least_squares(observation: EnergyObservation) -> Estimate:
         rows=rows,
         effective_samples=rows / inflation,
     )
+
+
+def row_variance(observation: EnergyObservation, residual: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """(rows,) c0 + Σ_j c_j ∫ q̇_j² dt with c ≥ 0 nearest to the squared residuals (rows,), each counted by what its
+    variance was taken for before."""
+    from scipy.optimize import nnls
+
+    action = observation.action
+    explain = np.column_stack([np.full(len(action), action.mean() or 1.0), action])
+    coefficients, _ = nnls(explain / before[:, None], residual**2 / before)
+    return np.maximum(explain @ coefficients, max(1e-3 * float(np.mean(residual**2)), 1e-300))
 
 
 def energy_residual_percent(observation: EnergyObservation, parameters: np.ndarray) -> float:

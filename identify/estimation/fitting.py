@@ -8,29 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from identify.errors import InputError, UnsupportedLogError
-from identify.estimation.energy import (
-    energy_least_squares,
-    energy_observation,
-    energy_residual_percent,
-    stacked_energy,
-)
-from identify.estimation.least_squares import Estimate, ordinary_least_squares, weighted_least_squares
-from identify.estimation.observation import torque_blocks, torque_residual
-from identify.estimation.reduction import Reduction, reduced
+from identify.errors import UnsupportedLogError
+from identify.estimation.energy import energy_residual_percent
+from identify.estimation.estimators.problem import Problem
+from identify.estimation.estimators.registry import DEFAULTS, ESTIMATORS, MODELS, Estimator, choice
+from identify.estimation.least_squares import Estimate
+from identify.estimation.reduction import Reduction
 from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.logs.slicing import window
 from identify.regressor.columns import TAKING, column_kind
 from identify.regressor.regressor import Regressor
-
-MODELS = ("torque", "energy")
-ESTIMATORS = {"ols": "ordinary least squares", "wls": "weighted least squares, one noise level a joint"}
-DEFAULT_ESTIMATOR = "wls"
-ALL = "all"
-"""Asks for every estimator side by side; the default one gives the result."""
-ENERGY_ESTIMATOR = "weighted least squares, noise of each window by the motion in it"
 
 CHANCE = 1e-3
 """Probability under pure noise above which a fit is taken to explain nothing."""
@@ -43,69 +32,103 @@ Progress = Callable[[float, str], None] | None
 
 @dataclass(frozen=True)
 class ModelFit:
-    """One model's estimate, the regressor whose parameters it has, the settings it was made with, what it is called,
-    and for energy its residual [%]."""
+    """One model's estimate, the regressor whose parameters it has, the settings it was made with, the estimator, and
+    for energy its residual [%]."""
 
-    model: str
     regressor: Regressor
     estimate: Estimate
     settings: Settings
-    estimator: str
+    by: Estimator
     energy_residual_percent: float | None = None
+
+    @property
+    def model(self) -> str:
+        """ "torque" or "energy"."""
+        return self.by.model
+
+    @property
+    def estimator(self) -> str:
+        """The estimator in words."""
+        return self.by.title
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Both models on the same logs; one may be missing, and then `reasons` says why. `tried`: candidate settings."""
+    """Both models on the same logs; one may be missing, and then `reasons` says why. `tried`: candidate settings.
+    chosen: the fit that was asked for; problem: what it was made from."""
 
+    chosen: ModelFit
     torque: ModelFit | None
     energy: ModelFit | None
     reasons: dict[str, str]
     tried: list[dict[str, Any]]
-
-
-def check_choice(model: str, estimator: str | None) -> None:
-    """InputError for a model or estimator that there is not."""
-    if model not in MODELS:
-        raise InputError(f"model is {model!r}; choose one of {', '.join(MODELS)}")
-    if estimator is not None and estimator not in (*ESTIMATORS, ALL):
-        raise InputError(f"estimator is {estimator!r}; choose one of {', '.join(ESTIMATORS)} or {ALL}")
+    problem: Problem
 
 
 def fit_models(
     regressor: Regressor,
     logs: Sequence[Log],
-    model: str,
+    model: str | None = None,
     estimator: str | None = None,
     friction: Collection[str] | None = None,
     progress: Progress = None,
 ) -> Fit:
     """Fit the torque and the energy model. UnsupportedLogError where the one asked for finds no support in the logs.
 
-    friction: further forms of friction for the torque model, chosen by cross-validation where it is None. The energy
-    model keeps the plain ones of the regressor: a joint does no work at rest, and a window's few rows carry no more.
+    model, estimator: see `registry.choice`; the other model is fitted by its default. friction: further forms of
+    friction for the torque model, chosen by cross-validation where it is None. The energy model keeps the plain ones of
+    the regressor: a joint does no work at rest, and a window's few rows carry no more.
     """
-    reasons: dict[str, str] = {}
+    wanted = choice(model, estimator)
     sample = [liveliest(log, SETTINGS_S) for log in logs]
-    settings, tried = choose_settings(regressor, sample, friction=friction, progress=progress)
-    torque = energy = None
+    problem, tried = posed(regressor, logs, sample, friction, progress)
+    found: dict[str, ModelFit] = {}
+    reasons: dict[str, str] = {}
+    for name in MODELS:
+        by = wanted if wanted.model == name else ESTIMATORS[DEFAULTS[name]]
+        if progress:
+            progress(0.9 + 0.05 * len(found), by.title)
+        try:
+            found[name] = fitted(problem, by)
+        except UnsupportedLogError as error:
+            if by is wanted:
+                raise
+            reasons[name] = str(error)
+    return Fit(found[wanted.model], found.get("torque"), found.get("energy"), reasons, tried, problem)
+
+
+def posed(
+    regressor: Regressor,
+    logs: Sequence[Log],
+    sample: Sequence[Log],
+    friction: Collection[str] | None = None,
+    progress: Progress = None,
+) -> tuple[Problem, list[dict[str, Any]]]:
+    """The problem that estimators solve, its settings chosen on a sample of the logs; and the settings tried."""
+    tell = progress or (lambda share, text: None)
+    settings, tried = choose_settings(
+        regressor, sample, friction=friction, progress=lambda share, text: tell(0.8 * share, text)
+    )
+    used = regressor if settings.friction == regressor.forms else regressor.with_forms(settings.friction)
+    plain = replace(settings, coulomb_velocity=None, friction=(), presliding_distance=None)
+    windows, reason = None, ""
+    tell(0.85, "windows of the energy model")
     try:
-        used = regressor if settings.friction == regressor.forms else regressor.with_forms(settings.friction)
-        torque = fit_torque(used, logs, settings, DEFAULT_ESTIMATOR if estimator in (None, ALL) else estimator)
+        windows, more = choose_window(regressor, sample, plain)
+        tried = tried + more
     except UnsupportedLogError as error:
-        if model == "torque":
-            raise
-        reasons["torque"] = str(error)
-    if progress:
-        progress(0.95, "energy model")
-    try:
-        energy, windows = fit_energy(regressor, logs, sample, settings)
-        tried = tried + windows
-    except UnsupportedLogError as error:
-        if model == "energy":
-            raise
-        reasons["energy"] = str(error)
-    return Fit(torque, energy, reasons, tried)
+        reason = str(error)
+    return Problem(used, logs, settings, regressor, windows, reason), tried
+
+
+def fitted(problem: Problem, by: Estimator) -> ModelFit:
+    """The estimate of one estimator. UnsupportedLogError where the logs don't support it."""
+    estimate = by.estimate(problem)
+    if by.model == "torque":
+        require_explained(problem.reduction, estimate)
+        return ModelFit(problem.regressor, estimate, problem.settings, by)
+    residual = energy_residual_percent(problem.energy, estimate.parameters)
+    return ModelFit(problem.plain, estimate, problem.windows, by, residual)
 
 
 def liveliest(log: Log, seconds: float) -> Log:
@@ -122,13 +145,10 @@ def liveliest(log: Log, seconds: float) -> Log:
     return window(log, starts[first], starts[first] + seconds)
 
 
-def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, estimator: str) -> ModelFit:
+def fit_torque(regressor: Regressor, logs: Sequence[Log], settings: Settings, estimator: str = "wls") -> ModelFit:
     """The torque model with given settings."""
-    reduction = reduced(torque_blocks(regressor, logs, settings))
-    solve = {"ols": ordinary_least_squares, "wls": weighted_least_squares}[estimator]
-    estimate = solve(reduction, lambda parameters: torque_residual(regressor, logs, settings, parameters))
-    require_explained(reduction, estimate)
-    return ModelFit("torque", regressor, estimate, settings, ESTIMATORS[estimator])
+    problem = Problem(regressor, logs, settings, regressor, None, "the settings have no window")
+    return fitted(problem, ESTIMATORS[estimator])
 
 
 def require_explained(reduction: Reduction, estimate: Estimate) -> None:
@@ -152,18 +172,6 @@ def require_explained(reduction: Reduction, estimate: Estimate) -> None:
             "the motion does not explain the effort better than chance would: "
             "is it the effort of these joints, in their order, at the same time as the positions?"
         )
-
-
-def fit_energy(
-    regressor: Regressor, logs: Sequence[Log], sample: Sequence[Log], settings: Settings
-) -> tuple[ModelFit, list[dict[str, Any]]]:
-    """The energy model, its window chosen on a sample of the training logs; and the windows tried."""
-    plain = replace(settings, coulomb_velocity=None, friction=(), presliding_distance=None)
-    chosen, tried = choose_window(regressor, sample, plain)
-    observation = stacked_energy([energy_observation(regressor, log, chosen) for log in logs])
-    estimate = energy_least_squares(observation)
-    residual = energy_residual_percent(observation, estimate.parameters)
-    return ModelFit("energy", regressor, estimate, chosen, ENERGY_ESTIMATOR, residual), tried
 
 
 def agreement(torque: Estimate, energy: Estimate) -> dict[str, Any]:

@@ -48,12 +48,12 @@ Residual = Callable[[np.ndarray], np.ndarray]
 
 def ordinary_least_squares(reduction: Reduction, residual: Residual) -> Estimate:
     """OLS over all joints' rows together, in their own units; each joint still has a noise of its own."""
-    return _estimate(reduction, np.ones(len(reduction.factors)), residual)
+    return estimate_of(reduction, np.ones(len(reduction.factors)), residual)
 
 
 def weighted_least_squares(reduction: Reduction, residual: Residual, passes: int = 1) -> Estimate:
     """WLS: each joint's rows divided by the standard deviation of its residual in the pass before (Gautier 1997)."""
-    return _estimate(reduction, weights_by_noise(reduction, passes), residual)
+    return estimate_of(reduction, weights_by_noise(reduction, passes), residual)
 
 
 def weights_by_noise(reduction: Reduction, passes: int = 1) -> np.ndarray:
@@ -76,7 +76,8 @@ def _sigma(reduction: Reduction, power: np.ndarray) -> np.ndarray:
     return np.sqrt(power / np.maximum(counts, 1.0))
 
 
-def _estimate(reduction: Reduction, weights: np.ndarray, residual: Residual) -> Estimate:
+def estimate_of(reduction: Reduction, weights: np.ndarray, residual: Residual) -> Estimate:
+    """The solution of the rows, joint j's times weights[j], and the covariance that its residuals speak for."""
     inverse, condition, parameters = solution(reduction, weights)
     left = residual(parameters)
     sigma = _sigma(reduction, (left**2).sum(axis=0))

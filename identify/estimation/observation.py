@@ -144,7 +144,7 @@ def moving(dq: np.ndarray, guard: int) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Thinning:
+class Thinning:
     """How a piece's signals become rows: rest left out, low-passed in parallel, and every step-th row kept."""
 
     mask: np.ndarray
@@ -154,7 +154,7 @@ class _Thinning:
     step: int
 
     @staticmethod
-    def of(s: Signals, settings: Settings) -> _Thinning:
+    def of(s: Signals, settings: Settings) -> Thinning:
         mask = np.ones_like(s.dq, dtype=bool)
         if not settings.rest_counted:
             mask = moving(s.dq, round(settings.guard_s * s.rate))
@@ -164,7 +164,7 @@ class _Thinning:
         begin = s.first + s.inside.start
         start = end + step * max(0, -(-(begin - end) // step))
         stop = min(s.first + s.inside.stop, s.total - end)
-        return _Thinning(mask.T, range(start - s.first, stop - s.first, step), settings.effort_cutoff_hz, s.rate, step)
+        return Thinning(mask.T, range(start - s.first, stop - s.first, step), settings.effort_cutoff_hz, s.rate, step)
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """(c, rows) of signals x (c, N)."""
@@ -175,7 +175,7 @@ def torque_blocks(regressor: Regressor, logs: Sequence[Log], settings: Settings)
     """The logs' rows of the torque model, block by block: the one way in which they are made."""
     for log in logs:
         for s in signal_pieces(log, settings, regressor):
-            thin = _Thinning.of(s, settings)
+            thin = Thinning.of(s, settings)
             if not thin.rows:
                 continue
             matrices, efforts = [], []
@@ -198,7 +198,7 @@ def torque_residual(
     parts = []
     for log in logs:
         for s in signal_pieces(log, settings, regressor):
-            thin = _Thinning.of(s, settings)
+            thin = Thinning.of(s, settings)
             if thin.rows:
                 predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign, s.slip)
                 parts.append(thin((s.effort - predicted).T * thin.mask).T)

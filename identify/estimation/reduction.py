@@ -39,12 +39,19 @@ class Reduction:
         return ((self.factors @ np.append(-parameters, 1.0)) ** 2).sum(axis=1)
 
 
-def reduced(blocks: Iterable[Observation]) -> Reduction:
-    """The blocks' rows, one block after another brought into the factors (blocked QR)."""
+def reduced(blocks: Iterable[Observation], shares: np.ndarray | None = None) -> Reduction:
+    """The blocks' rows, one block after another brought into the factors (blocked QR).
+
+    shares (rows, n): what each row is multiplied by, 1 where they are None."""
     factors: list[np.ndarray] = []
     effort, weight = [], []
+    done = 0
     for block in blocks:
         rows = [np.column_stack([a, b]) for a, b in zip(block.matrix, block.effort, strict=True)]
+        if shares is not None:
+            part = shares[done : done + len(block.time)]
+            rows = [row * share[:, None] for row, share in zip(rows, part.T, strict=True)]
+            done += len(block.time)
         if not factors:
             factors = [np.zeros((rows[0].shape[1],) * 2) for _ in rows]
         for j, (factor, new) in enumerate(zip(factors, rows, strict=True)):

@@ -43,15 +43,15 @@ def _residuals(record: dict[str, Any]) -> list[str]:
 
 
 def _estimators(rows: list[dict[str, Any]]) -> list[str]:
-    """Every estimator's residuals, in percent of the torque, moving."""
+    """Every estimator's residuals, in percent of the torque, moving; of one that the logs do not support, why."""
     lines = [f"{'estimator':<10}{'train moving':>15}{'test moving':>15}{'condition':>12}"]
     for row in rows:
+        if "reason" in row:
+            lines.append(f"{row['estimator']:<10}  {row['reason']}")
+            continue
         cells = (significant((row[role] or {}).get("moving_relative_residual_percent")) for role in ("train", "test"))
-        lines.append(
-            f"{row['estimator']:<10}"
-            + "".join(f"{c:>15}" for c in cells)
-            + f"{significant(row['condition_number']):>12}"
-        )
+        columns = "".join(f"{cell:>15}" for cell in cells)
+        lines.append(f"{row['estimator']:<10}{columns}{significant(row['condition_number']):>12}")
     return lines
 
 

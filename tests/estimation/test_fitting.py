@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from exact_logs import arm, exact_log
 
-from identify.errors import InputError, UnsupportedLogError
+from identify.errors import UnsupportedLogError
 from identify.estimation import fitting as module
-from identify.estimation.fitting import agreement, check_choice, fit_models, liveliest
+from identify.estimation.fitting import agreement, fit_models, liveliest
 from identify.estimation.least_squares import Estimate
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
@@ -78,12 +78,3 @@ def test_agreement_is_in_deviations_of_the_difference() -> None:
     assert found["largest_z"] == pytest.approx(3.0)
     assert found["name"] == "c"
     assert found["within_2_sigma_percent"] == pytest.approx(200 / 3)
-
-
-def test_only_what_there_is_can_be_chosen() -> None:
-    check_choice("energy", None)
-    check_choice("torque", "all")
-    with pytest.raises(InputError, match="choose one of torque, energy"):
-        check_choice("power", None)
-    with pytest.raises(InputError, match="choose one of ols, wls or all"):
-        check_choice("torque", "lasso")

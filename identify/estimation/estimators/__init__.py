@@ -1,0 +1,1 @@
+"""Estimators behind one interface: a function from a `Problem` to an `Estimate`, each in a file of its own."""

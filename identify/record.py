@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from identify.estimation.identified_robot import link_table, plain_friction, wit
 from identify.estimation.physical import PULL, Consistent
 from identify.estimation.reference import Reference
 from identify.estimation.scoring import explained
+from identify.estimation.settings import CONSTANTS
 from identify.logs.log import Log
 from identify.logs.triage import Findings
 from identify.regressor.columns import COUPLED, MORE, column_kind
@@ -26,7 +28,7 @@ from identify.symbolic.formula import formula
 from identify.validation.verdict import WELL_KNOWN
 
 PACKAGES = ("numpy", "scipy", "sympy", "pin", "mujoco", "mcap", "matplotlib", "clarabel")
-MOTORS = (*COUPLED, *(kinds[1] for kinds in MORE.values()))
+MOTORS = (*COUPLED, *(kind for kinds in MORE.values() for kind in kinds[1:]))
 """Kinds of columns of the transmission."""
 
 MOVED = 0.01
@@ -208,12 +210,15 @@ def physical(
 def settings(fit: ModelFit, tried: list[dict[str, Any]]) -> dict[str, Any]:
     """How the logs were processed, every key there; tried: the candidates that settings were chosen from."""
     table = (
-        dict.fromkeys(("coulomb_velocity", "presliding_distance", "window_s", "energy_cutoff_hz"))
+        dict.fromkeys(("coulomb_velocity", *chain(*CONSTANTS.values()), "window_s", "energy_cutoff_hz"))
         | fit.settings.to_dict()
     )
     reasons = {
         "coulomb_velocity": "the exact sign is used where the joint moves",
         "presliding_distance": "no friction before sliding was fitted",
+        "stribeck_velocity": "no Stribeck friction was fitted",
+        "load_parameters": "no friction that grows with the load was fitted",
+        "mean_load": "no friction that grows with the load was fitted",
         "window_s": "the torque model has no windows",
         "energy_cutoff_hz": "the torque model has no energies",
     }

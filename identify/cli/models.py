@@ -67,10 +67,12 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.cli.progress import progress_line
     from identify.codegen.generate import generate, left_out
     from identify.logs.files import refuse_existing, replacing
+    from identify.regressor.friction import STRIBECK_VELOCITY
     from identify.robot.library import load_robot
 
     robot = load_robot(options.robot, options.joints, options.gravity)
     parameters = covariance = coulomb_velocity = None
+    stribeck_velocity = STRIBECK_VELOCITY
     friction: tuple[str, ...] = ()
     if options.parameters is not None:
         from identify.estimation.identification import Identification
@@ -83,10 +85,11 @@ def codegen(options: argparse.Namespace, arguments: Sequence[str]) -> int:
                 f"{options.parameters}: its parameters are those of {result.robot.name}, not of {robot.name}"
             )
         parameters, covariance = result.parameters, result.covariance
+        stribeck_velocity = result.settings.stribeck_velocity or STRIBECK_VELOCITY
     with progress_line(sys.stderr) as progress:
         if progress is not None:
             progress(0.0, "models (inverse geometry of arms without right angles takes some seconds)")
-        files = generate(robot, options.language, parameters, covariance, friction, coulomb_velocity)
+        files = generate(robot, options.language, parameters, covariance, friction, coulomb_velocity, stribeck_velocity)
         missing = left_out(robot)
     folder = Path(options.output)
     for name in files:

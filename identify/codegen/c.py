@@ -12,6 +12,7 @@ from identify.codegen.functions import Function, Models, friction_note
 from identify.codegen.samples import PoseSample, Sample
 from identify.codegen.statements import argument, live_friction_signals, speed, statements, unused
 from identify.codegen.text import ascii_text, c_string, prose, rows, title, wrapped
+from identify.regressor.friction import ASYMMETRIC, CUBE_ROOT, STRIBECK
 from identify.robot.library import robot_digest
 from identify.symbolic.formula import formula
 
@@ -189,8 +190,11 @@ def _body(function: Function, n: int, prefix: str, constants: dict[str, str]) ->
         if not single:
             lines.append(f"    const double speed_{name} = {value};")
             value = f"speed_{name}"
-        form = "cbrt({0})" if signal.cube_root else SIGN if signal.width is None else SMOOTH_SIGN
-        lines.append(f"    const double {name} = {form.format(value, signal.width)};")
+        form = SIGN if signal.width is None else SMOOTH_SIGN
+        if signal.form == STRIBECK:
+            form += " * exp(-fabs({0}) / {2!r})"
+        form = {CUBE_ROOT: "cbrt({0})", ASYMMETRIC: "fabs({0})"}.get(signal.form, form)
+        lines.append(f"    const double {name} = {form.format(value, signal.width, signal.fading)};")
     work, entries = statements(function, constants, str)
     angles, work = gathered(work)
     lines += angles

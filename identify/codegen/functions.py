@@ -10,7 +10,7 @@ import numpy as np
 from identify.codegen.angles import with_products
 from identify.codegen.inverse import Inverse, inverse, left_out
 from identify.regressor.columns import READS
-from identify.regressor.friction import CUBE_ROOT, PRESLIDING
+from identify.regressor.friction import ASYMMETRIC, CUBE_ROOT, LOAD, PRESLIDING, STRIBECK
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 from identify.symbolic.chain import Mat, Vec, add, cross, joint_transform, matmul, matvec
@@ -32,26 +32,31 @@ from identify.symbolic.polarisation import bilinear_in_rates
 from identify.symbolic.representative import representative
 from identify.symbolic.simplification import simplified
 
+SIGNALS = {CUBE_ROOT: "root", STRIBECK: "fade", ASYMMETRIC: "pace"}
+"""Prefixes of the symbols of friction signals that are not the sign."""
+
 REFERENCES = {"dqr": "dq_ref", "ddqr": "ddq_ref"}
 """Argument names of the symbols that are no argument names themselves."""
 
 
 @dataclass(frozen=True)
 class FrictionSignal:
-    """What a column of friction reads: of the speed ratios (n,) · q̇ its sign, or its cube root, both with the sign of
-    the speed. width: the sign is clip(speed/width, −1, 1), or exact where it is None."""
+    """What a column of friction reads of the speed ratios (n,) · q̇: its "sign", "cube_root", magnitude ("asymmetric"),
+    or its sign times exp(−|speed|/fading) ("stribeck"). width: the sign is clip(speed/width, −1, 1), or exact where it
+    is None."""
 
     ratios: tuple[float, ...]
-    cube_root: bool
+    form: str
     width: float | None
+    fading: float
 
 
 @dataclass(frozen=True)
 class Function:
     """One function: signals (n,) each in, an array of `shape` out, whose entries by flat index are expressions.
 
-    Entries not listed are zero. `friction_signals` {symbol: what it stands for}: sign1 … and root1 …, which friction
-    reads.
+    Entries not listed are zero. `friction_signals` {symbol: what it stands for}: sign1 …, root1 …, fade1 …, pace1 …,
+    which friction reads.
     """
 
     name: str
@@ -128,10 +133,10 @@ def _columns(regressor: Regressor) -> tuple[Column, ...]:
 
 
 def signal_symbol(column: Column, n: int) -> str:
-    """Symbol of what a friction column reads: sign1 … or root1 … of the joints, then of the coupled motors. Presliding
-    friction, whose state no function keeps, reads the sign: its state in steady sliding."""
-    symbol = sign_symbol(column, n)
-    return symbol.replace("sign", "root") if READS.get(column.kind) == CUBE_ROOT else symbol
+    """Symbol of what a friction column reads: sign1 … and the like of the joints, then of the coupled motors.
+    Presliding friction, whose state no function keeps, reads the sign, its state in steady sliding; so does friction
+    that grows with the load, as under the mean load."""
+    return sign_symbol(column, n).replace("sign", SIGNALS.get(READS.get(column.kind, ""), "sign"))
 
 
 def _friction_signals(regressor: Regressor, width: float | None) -> dict[str, FrictionSignal]:
@@ -141,8 +146,9 @@ def _friction_signals(regressor: Regressor, width: float | None) -> dict[str, Fr
     for column in _columns(regressor):
         if column.kind in READS:
             own = tuple(float(i == column.index) for i in range(n))
-            root = READS[column.kind] == CUBE_ROOT
-            found[signal_symbol(column, n)] = FrictionSignal(column.ratios or own, root, width)
+            form = READS[column.kind]
+            form, fading = form if form in SIGNALS else "sign", regressor.constants.stribeck_velocity
+            found[signal_symbol(column, n)] = FrictionSignal(column.ratios or own, form, width, fading)
     return found
 
 
@@ -153,6 +159,8 @@ def friction_note(models: Models) -> str:
         told.append(f"Coulomb friction grows linearly up to {models.coulomb_velocity:g} rad/s or m/s.")
     if PRESLIDING in models.regressor.forms:
         told.append("Presliding friction (Fp) is that of steady sliding: no function keeps its state.")
+    if LOAD in models.regressor.forms:
+        told.append("Friction that grows with the load (Fl) is that under the mean load of the training logs.")
     return " ".join(told)
 
 

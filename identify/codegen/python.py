@@ -12,6 +12,7 @@ from identify.codegen.python_inverse import inverse_source
 from identify.codegen.samples import PoseSample, Sample
 from identify.codegen.statements import argument, live_friction_signals, speed, statements
 from identify.codegen.text import prose, rows, title, wrapped
+from identify.regressor.friction import ASYMMETRIC, CUBE_ROOT, STRIBECK
 from identify.robot.library import robot_digest
 
 INVERSE_NAMES = "atan2, cos, inf, isfinite, pi, remainder, sin, sqrt, tau"
@@ -94,10 +95,11 @@ def _body(function: Function, constants: dict[str, str]) -> list[str]:
     lines += [f"    {x} = np.asarray({x}, dtype=float).tolist()" for x in map(argument, function.inputs)]
     for name, signal in live_friction_signals(function).items():
         form = "float((speed > 0.0) - (speed < 0.0))"
-        if signal.cube_root:
-            form = "float(np.cbrt(speed))"
-        elif signal.width is not None:
+        if signal.width is not None:
             form = f"max(-1.0, min(1.0, speed / {signal.width!r}))"
+        if signal.form == STRIBECK:
+            form += f" * float(np.exp(-abs(speed) / {signal.fading!r}))"
+        form = {CUBE_ROOT: "float(np.cbrt(speed))", ASYMMETRIC: "abs(speed)"}.get(signal.form, form)
         lines += [f"    speed = {speed(signal.ratios)}", f"    {name} = {form}"]
     work, entries = statements(function, constants, str)
     lines += [f"    {name} = {value}" for name, value in work]

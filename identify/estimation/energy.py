@@ -56,7 +56,7 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
 def _windows(regressor: Regressor, s: Signals, edges: np.ndarray, width: int, sign: Sign) -> EnergyObservation:
     """The rows between consecutive edges, indices into the signals, `width` apart."""
     matrix = np.diff(regressor.energy(s.q[edges], s.dq[edges]), axis=0)
-    taken = _integrals(regressor.power(s.dq, sign, s.slip), s, edges)
+    taken = _integrals(regressor.power(s.dq, sign, s.slip, regressor.load(s.q, s.dq, s.ddq)), s, edges)
     work = _integrals((s.dq * s.effort).sum(axis=1, keepdims=True), s, edges)[:, 0]
     return EnergyObservation(matrix + taken, work, _integrals(s.dq**2, s, edges), s.rate / width, regressor.names)
 

@@ -109,8 +109,8 @@ def posed(
     settings, tried = choose_settings(
         regressor, sample, friction=friction, progress=lambda share, text: tell(0.8 * share, text)
     )
-    used = regressor if settings.friction == regressor.forms else regressor.with_forms(settings.friction)
-    plain = replace(settings, coulomb_velocity=None, friction=(), presliding_distance=None)
+    used = settings.suited(regressor)
+    plain = replace(settings.plain, coulomb_velocity=None)
     windows, reason = None, ""
     tell(0.85, "windows of the energy model")
     try:

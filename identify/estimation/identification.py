@@ -55,7 +55,7 @@ class Identification:
     @property
     def regressor(self) -> Regressor:
         """The regressor of the parameters, with the forms of friction that they are for."""
-        return Regressor(self.robot, self.settings.friction)
+        return self.settings.suited(Regressor(self.robot))
 
     def predict(self, log: Log) -> np.ndarray:
         """(N, n) joint effort [N·m or N] at the log's samples, from its positions alone, in the robot's joint order."""

@@ -110,7 +110,7 @@ def choose_settings(
     figure = "all_percent" if chosen.rest_counted else "moving_percent"
     for form in asked or ():
         chosen = _with_form(chosen, form)
-    open_to = [form for form in FURTHER if asked is None and (form != PRESLIDING or chosen.rest_counted)]
+    open_to = [form for form in FURTHER[:2] if asked is None and (form != PRESLIDING or chosen.rest_counted)]
     while open_to:
         candidates = [_with_form(chosen, form) for form in open_to]
         scores = judged(candidates, 0.3, 0.5, needed=False)

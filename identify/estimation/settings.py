@@ -2,13 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from identify.logs.triage import REST_SPEED
 from identify.regressor.columns import Sign, smooth_sign
-from identify.regressor.friction import PRESLIDING, Presliding, further_forms
+from identify.regressor.friction import (
+    LOAD,
+    PRESLIDING,
+    STRIBECK,
+    STRIBECK_VELOCITY,
+    FrictionConstants,
+    Presliding,
+    further_forms,
+)
 from identify.regressor.regressor import Regressor
+
+CONSTANTS = {
+    PRESLIDING: ("presliding_distance",),
+    STRIBECK: ("stribeck_velocity",),
+    LOAD: ("load_parameters", "mean_load"),
+}
+"""What further forms of friction depend on beside their parameters."""
 
 STILL = REST_SPEED
 """A joint slower than this [rad/s or m/s] counts as at rest."""
@@ -26,7 +43,9 @@ class Settings:
     zero on both sides before the parallel filter. window_s: length of the energy model's windows; energy_cutoff_hz:
     low-pass of the position for its energies, which want less noise and need no acceleration. friction: forms of it
     beside the plain ones, of `identify.regressor.friction`; presliding_distance [rad or m]: the way on which a joint's
-    presliding state changes.
+    presliding state changes; stribeck_velocity [rad/s or m/s], at which 1/e of Stribeck friction is left;
+    load_parameters (b,) base parameters whose effort is the load that friction grows with, and mean_load (n,) its mean
+    magnitude at each joint [N·m or N]. Each is there with its form of friction alone.
     """
 
     position_cutoff_hz: float = 40.0
@@ -39,19 +58,40 @@ class Settings:
     energy_cutoff_hz: float | None = None
     friction: tuple[str, ...] = ()
     presliding_distance: float | None = None
+    stribeck_velocity: float | None = None
+    load_parameters: tuple[float, ...] | None = None
+    mean_load: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("position_cutoff_hz", "effort_cutoff_hz", "decimated_rate_hz"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
-        if (PRESLIDING in self.friction) != (self.presliding_distance is not None and self.presliding_distance > 0):
-            raise ValueError(f"friction {self.friction} with presliding_distance {self.presliding_distance}")
+        for form, names in CONSTANTS.items():
+            for name in names:
+                value = getattr(self, name)
+                given = value is not None and (name == "load_parameters" or np.min(value) > 0)
+                if (form in self.friction) != given:
+                    raise ValueError(f"friction {self.friction} with {name} {value}")
 
     @property
     def sign(self) -> Sign:
         """The Coulomb columns' function of the velocity."""
         # The sign of a velocity that is noise around zero would predict ±Fs of a joint at rest.
         return smooth_sign(STILL if self.coulomb_velocity is None else self.coulomb_velocity)
+
+    def suited(self, regressor: Regressor) -> Regressor:
+        """The regressor of the same robot with these forms of friction."""
+        if not self.friction and not regressor.forms:
+            return regressor
+        fading = self.stribeck_velocity or STRIBECK_VELOCITY
+        constants = FrictionConstants(fading, self.load_parameters, self.mean_load)
+        return regressor.with_forms(self.friction, constants)
+
+    @property
+    def plain(self) -> Settings:
+        """The same without further forms of friction."""
+        nothing: dict[str, Any] = dict.fromkeys(name for names in CONSTANTS.values() for name in names)
+        return replace(self, friction=(), **nothing)
 
     def presliding(self, regressor: Regressor | None) -> Presliding | None:
         """What follows the regressor's presliding states along a log, or None where no friction reads them."""
@@ -63,9 +103,11 @@ class Settings:
         """All of it for JSON, less what does not apply."""
         form = "sign" if self.coulomb_velocity is None else "smooth sign"
         applying = {key: value for key, value in asdict(self).items() if value is not None}
-        return {**applying, "friction": list(self.friction), "still_rad_s": STILL, "coulomb_form": form}
+        applying = {key: list(value) if isinstance(value, tuple) else value for key, value in applying.items()}
+        return {**applying, "still_rad_s": STILL, "coulomb_form": form}
 
     @staticmethod
     def from_dict(record: dict[str, Any]) -> Settings:
         known = {k: v for k, v in record.items() if k in Settings.__dataclass_fields__}
+        known = {k: tuple(v) if isinstance(v, list) else v for k, v in known.items()}
         return Settings(**known | {"friction": further_forms(known.get("friction", ()))})

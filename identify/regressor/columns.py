@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from identify.regressor.friction import CUBE_ROOT, PRESLIDING
+from identify.regressor.friction import (
+    ASYMMETRIC,
+    CUBE_ROOT,
+    LOAD,
+    PRESLIDING,
+    STRIBECK,
+    USUAL,
+    FrictionConstants,
+    Sign,
+    sliding_laws,
+)
 from identify.robot.robot import Robot
 from identify.symbolic.expression import Expression, Graph
 from identify.symbolic.joint_effort import DRIVE_FIELDS, MOTOR_FIELDS, Column, column_effort, joint_columns
-
-Sign = Callable[[np.ndarray], np.ndarray]
 
 OWN = tuple(DRIVE_FIELDS)
 """Columns of every joint: viscous friction, Coulomb friction, offset [2.63]."""
@@ -21,8 +29,15 @@ OWN = tuple(DRIVE_FIELDS)
 COUPLED = tuple(MOTOR_FIELDS)
 """Columns of every coupled motor: inertia, viscous friction, Coulomb friction."""
 
-MORE = {CUBE_ROOT: ("Fc", "Fcm"), PRESLIDING: ("Fp", "Fpm")}
-"""Columns of the further forms of friction: of every joint, and of every coupled motor with Coulomb friction."""
+MORE = {
+    CUBE_ROOT: ("Fc", "Fcm"),
+    PRESLIDING: ("Fp", "Fpm"),
+    STRIBECK: ("Fb", "Fbm"),
+    ASYMMETRIC: ("Fa", "Fam"),
+    LOAD: ("Fl",),
+}
+"""Columns of the further forms of friction: of every joint, and of every coupled motor with Coulomb friction, whose
+load is that of its joints."""
 
 READS = {"Fs": "sign", "Fsm": "sign"} | {kind: form for form, kinds in MORE.items() for kind in kinds}
 """The friction signal that a column reads, of its joint or motor."""
@@ -30,11 +45,12 @@ READS = {"Fs": "sign", "Fsm": "sign"} | {kind: form for form, kinds in MORE.item
 TAKING = ("Fv", "off", "Fvm", *READS)
 """Columns of friction and offset."""
 
-_FORCES = {"Fs": "N", "off": "N", "Fsm": "N", "Fp": "N", "Fpm": "N"}
+_FORCES = dict.fromkeys(("Fs", "off", "Fsm", "Fp", "Fpm", "Fb", "Fbm", "Fl"), "N")
 _TORQUES = dict.fromkeys(_FORCES, "N·m")
-TURNING = _TORQUES | {"Iam": "kg·m²", **dict.fromkeys(("Fv", "Fvm"), "N·m·s/rad")}
-TURNING |= dict.fromkeys(("Fc", "Fcm"), "N·m·∛(s/rad)")
-SLIDING = _FORCES | {"Iam": "kg", **dict.fromkeys(("Fv", "Fvm"), "N·s/m"), **dict.fromkeys(("Fc", "Fcm"), "N·∛(s/m)")}
+_BY_SPEED, _BY_ROOT = ("Fv", "Fvm", "Fa", "Fam"), ("Fc", "Fcm")
+TURNING = _TORQUES | {"Iam": "kg·m²", **dict.fromkeys(_BY_SPEED, "N·m·s/rad")}
+TURNING |= dict.fromkeys(_BY_ROOT, "N·m·∛(s/rad)")
+SLIDING = _FORCES | {"Iam": "kg", **dict.fromkeys(_BY_SPEED, "N·s/m"), **dict.fromkeys(_BY_ROOT, "N·∛(s/m)")}
 
 
 def column_kind(name: str) -> str:
@@ -59,6 +75,7 @@ class JointColumns:
     columns: tuple[Column, ...]
     revolute: tuple[bool, ...]
     forms: tuple[str, ...] = ()
+    constants: FrictionConstants = USUAL
 
     @staticmethod
     def of(robot: Robot) -> JointColumns:
@@ -72,7 +89,7 @@ class JointColumns:
         """The same, and behind them the columns of further forms of friction: joint by joint, then motor by motor."""
         motors = [c for c in self.columns if c.kind == "Fsm"]
         own = (Column(MORE[form][0], j) for j in range(len(self.revolute)) for form in forms)
-        coupled = (Column(MORE[form][1], motor.index, motor.ratios) for motor in motors for form in forms)
+        coupled = (Column(k, motor.index, motor.ratios) for motor in motors for form in forms for k in MORE[form][1:])
         return replace(self, columns=(*self.columns, *own, *coupled), forms=(*self.forms, *forms))
 
     @property
@@ -121,14 +138,25 @@ class JointColumns:
         their positions."""
         return np.concatenate([dq, dq @ np.transpose(self._motors)], axis=-1) if self._motors else dq
 
-    def signals(self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None) -> np.ndarray:
-        """(…, signs) friction signals at the joints' velocity (…, n); slip (…, arms): presliding states, by default
-        those of a joint that slides on."""
+    def signals(
+        self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None, load: np.ndarray | None = None
+    ) -> np.ndarray:
+        """(…, signs) friction signals at the joints' velocity (…, n).
+
+        slip (…, arms): presliding states, by default those of a joint that slides on. load (…, n): magnitude of the
+        joints' load in units of its mean, by default 1.
+        """
         speeds = self.speeds(dq)
         signs = sign(speeds)
         if not self.forms:
             return signs
-        further = {CUBE_ROOT: np.cbrt(speeds), PRESLIDING: signs if slip is None else slip}
+        laws = sliding_laws(sign, self.constants.stribeck_velocity)
+        further = {form: laws[form](speeds) for form in self.forms if form not in (PRESLIDING, LOAD)}
+        further[PRESLIDING] = signs if slip is None else slip
+        if LOAD in self.forms:
+            further[LOAD] = signs.copy()
+            if load is not None:
+                further[LOAD][..., : len(self.revolute)] *= load
         return np.concatenate([signs, *(further[form] for form in self.forms)], axis=-1)
 
     def _signal(self, column: Column) -> int:
@@ -143,10 +171,17 @@ class JointColumns:
             if column.kind == "Iam":
                 out[:, at] = 0.5 * (dq * _cross_terms(dq, np.array(column.ratios))).sum(axis=1)
 
-    def power(self, out: np.ndarray, dq: np.ndarray, sign: Sign, slip: np.ndarray | None = None) -> None:
+    def power(
+        self,
+        out: np.ndarray,
+        dq: np.ndarray,
+        sign: Sign,
+        slip: np.ndarray | None = None,
+        load: np.ndarray | None = None,
+    ) -> None:
         """Fill out (N, len(names)) with the power q̇ᵀΓ that friction and offset take per unit of each parameter,
         zero for inertias."""
-        speeds, signals = self.speeds(dq), self.signals(dq, sign, slip)
+        speeds, signals = self.speeds(dq), self.signals(dq, sign, slip, load)
         for at, column in enumerate(self.columns):
             j, rho = column.index, np.array(column.ratios)
             match column.kind:

@@ -1,8 +1,9 @@
-"""Forms of friction beside viscous, Coulomb and offset, and the presliding state that one of them reads."""
+"""Forms of friction beside viscous, Coulomb and offset, their constants, and the presliding state that one reads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,13 +12,55 @@ from identify.errors import InputError
 PLAIN = ("viscous", "coulomb", "offset")
 """What every joint has [2.63]."""
 
-CUBE_ROOT, PRESLIDING = "cube_root", "presliding"
-FURTHER = (CUBE_ROOT, PRESLIDING)
-"""What it may have besides: Fc·sign(q̇)·|q̇|^⅓, and Fp·z with Dahl's state z, which is what a Coulomb friction does
-within some distance of where the joint turned or stopped."""
+CUBE_ROOT, PRESLIDING, STRIBECK, ASYMMETRIC, LOAD = "cube_root", "presliding", "stribeck", "asymmetric", "load"
+FURTHER = (CUBE_ROOT, PRESLIDING, STRIBECK, ASYMMETRIC, LOAD)
+"""What it may have besides, with s the sign of the velocity, exact or smooth:
+Fc·sign(q̇)·|q̇|^⅓;
+Fp·z with Dahl's state z, which is what a Coulomb friction does within some distance of where the joint turned or
+stopped;
+Fb·s(q̇)·exp(−|q̇|/v_s), what breaks away and fades with speed (Stribeck 1902, in the form of Tustin 1947);
+Fa·|q̇|, half of what viscous friction forwards has more than backwards (Coulomb friction that differs between
+directions is Fs and the offset);
+Fl·|Γ_r|/Γ_m·s(q̇), Coulomb friction that grows with the load Γ_r, the effort of the rigid bodies, in units of its
+mean Γ_m."""
 
-SLIDING_ON: dict[str, Callable[[np.ndarray], np.ndarray]] = {CUBE_ROOT: np.cbrt, PRESLIDING: np.sign}
-"""What each form is per unit of its parameter, over the velocity of a joint that slides on."""
+STRIBECK_VELOCITY = 0.1
+"""Speed v_s [rad/s or m/s] at which 1/e of Stribeck friction is left, where nothing else is said."""
+
+Sign = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class FrictionConstants:
+    """What friction forms depend on in a way that is not linear.
+
+    stribeck_velocity [rad/s or m/s]. load_parameters (b,): base parameters whose effort is the load, and mean_load (n,)
+    its mean magnitude [N·m or N] at each joint; both None where the load counts as the mean one.
+    """
+
+    stribeck_velocity: float = STRIBECK_VELOCITY
+    load_parameters: tuple[float, ...] | None = None
+    mean_load: tuple[float, ...] | None = None
+
+
+USUAL = FrictionConstants()
+
+
+def sliding_laws(
+    sign: Sign = np.sign, stribeck_velocity: float = STRIBECK_VELOCITY
+) -> dict[str, Callable[[np.ndarray], np.ndarray]]:
+    """What each further form is per unit of its parameter, over the velocity of a joint that slides on under the mean
+    load; sign: the Coulomb friction's."""
+    return {
+        CUBE_ROOT: np.cbrt,
+        PRESLIDING: np.sign,
+        STRIBECK: lambda v: sign(v) * np.exp(-np.abs(v) / stribeck_velocity),
+        ASYMMETRIC: np.abs,
+        LOAD: sign,
+    }
+
+
+SLIDING_ON = sliding_laws()
 
 
 def further_forms(friction: bool | Collection[str]) -> tuple[str, ...]:

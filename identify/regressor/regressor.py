@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +13,7 @@ import numpy as np
 from identify.regressor.backend import Backend
 from identify.regressor.columns import JointColumns, Sign
 from identify.regressor.dependence import dependent_columns
-from identify.regressor.friction import Presliding, further_forms
+from identify.regressor.friction import LOAD, USUAL, FrictionConstants, Presliding, further_forms
 from identify.regressor.kernel import Kernel, blocks
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters
@@ -28,10 +30,11 @@ class Regressor:
 
     `names` (p,) base parameters, then per joint Fv, Fs, offset, then the transmission's columns; with
     friction=False the base parameters alone. friction may also name forms of friction, of those in
-    `identify.regressor.friction`: "cube_root", Fc·sign(q̇)·|q̇|^⅓, and "presliding", Fp·z with z of `presliding`. Their
-    columns stand behind all others, per joint and then per coupled motor with Coulomb friction (Fcm, Fpm); the plain
-    forms are always there. `units` (p,). All arrays are on the joint side, SI, in the robot's joint order; q, dq, ddq
-    are (n,) for one sample or (N, n) for many. Nothing beyond the result and one block of samples is held in memory.
+    `identify.regressor.friction`: "cube_root", Fc·sign(q̇)·|q̇|^⅓, "presliding", Fp·z with z of `presliding`,
+    "stribeck", "asymmetric" and "load". Their columns stand behind all others, per joint and then per coupled motor
+    with Coulomb friction (Fcm, Fpm …); the plain forms are always there. constants: what they depend on beside their
+    parameters. `units` (p,). All arrays are on the joint side, SI, in the robot's joint order; q, dq, ddq are (n,) for
+    one sample or (N, n) for many. Nothing beyond the result and one block of samples is held in memory.
 
     `forms`: the further forms of friction. `dropped` {column: {kept column: factor}}: columns left out because they
     are combinations of others: the inertia of a motor coupled to two parallel axes, say, or the offset of a vertical
@@ -39,7 +42,13 @@ class Regressor:
     factor × the dropped one besides its own: gravity and energy computed with it include that offset.
     """
 
-    def __init__(self, robot: Robot, friction: bool | Collection[str] = True, compiler: bool | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        friction: bool | Collection[str] = True,
+        compiler: bool | None = None,
+        constants: FrictionConstants | None = None,
+    ) -> None:
         self.robot = robot
         self.base = base_parameters(robot)
         self._compiler = compiler
@@ -54,11 +63,20 @@ class Regressor:
             if self.dropped or self.forms:
                 del self._torque, self.names, self.p  # made with all plain columns
         if self.extra:
-            self.extra = self.extra.with_forms(self.forms)
+            self.extra = replace(self.extra.with_forms(self.forms), constants=constants or USUAL)
 
-    def with_forms(self, forms: Collection[str]) -> Regressor:
-        """The same robot's regressor with these further forms of friction."""
-        return Regressor(self.robot, forms, self._compiler)
+    def with_forms(self, forms: Collection[str], constants: FrictionConstants | None = None) -> Regressor:
+        """The same robot's regressor with these further forms of friction and their constants."""
+        if self.extra is None or further_forms(forms) != self.forms:
+            return Regressor(self.robot, forms, self._compiler, constants)
+        other = copy(self)  # shares what was generated, which knows no constants
+        other.extra = replace(self.extra, constants=constants or USUAL)
+        return other
+
+    @property
+    def constants(self) -> FrictionConstants:
+        """What friction depends on beside its parameters."""
+        return self.extra.constants if self.extra else USUAL
 
     @property
     def backend(self) -> str:
@@ -119,13 +137,13 @@ class Regressor:
         if single:
             if out is not None:
                 _check(out, (self.robot.n, self.p))
-            return self._torque.one(out, q, dq, ddq, *self._signals(dq, sign, slip))
+            return self._torque.one(out, q, dq, ddq, *self._signals(q, dq, ddq, sign, slip))
         if out is None:
             out = np.empty((len(q), self.robot.n, self.p))
         _check(out, (len(q), self.robot.n, self.p))
         fill = self._torque.filler(out)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], ddq[rows], *self._signals(dq[rows], sign, slip, rows))
+            fill(rows, q[rows], dq[rows], ddq[rows], *self._signals(q[rows], dq[rows], ddq[rows], sign, slip, rows))
         return out
 
     def energy(self, q: np.ndarray, dq: np.ndarray) -> np.ndarray:
@@ -142,19 +160,25 @@ class Regressor:
             fill(rows, q[rows], dq[rows])
         return full[:, 0]
 
-    def power(self, dq: np.ndarray, sign: Sign = np.sign, slip: np.ndarray | None = None) -> np.ndarray:
+    def power(
+        self,
+        dq: np.ndarray,
+        sign: Sign = np.sign,
+        slip: np.ndarray | None = None,
+        load: np.ndarray | None = None,
+    ) -> np.ndarray:
         """Power q̇ᵀΓ [W] per unit of each friction and offset parameter, zero for inertial ones: (p,) or (N, p).
 
-        q̇ᵀΓ = d(energy·θ)/dt + power·θ.
+        q̇ᵀΓ = d(energy·θ)/dt + power·θ. load: as `load` gives it, by default the mean.
         """
         dq, single = _samples(self.robot.n, dq)
         if single:
-            return self.power(dq[None], sign, None if slip is None else slip[None])[0]
+            return self.power(dq[None], sign, *(None if x is None else x[None] for x in (slip, load)))[0]
         full = np.zeros((len(dq), self.p))
         if self.extra:
             for rows in blocks(len(dq)):
-                states = None if slip is None else slip[rows]
-                self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign, states)
+                states = (None if x is None else x[rows] for x in (slip, load))
+                self.extra.power(full[rows, len(self.base.names) :], dq[rows], sign, *states)
         return full
 
     def slotine_li(
@@ -173,11 +197,13 @@ class Regressor:
         """
         q, dq, dq_ref, ddq_ref, single = _samples(self.robot.n, q, dq, dq_ref, ddq_ref)
         if single:
-            return self._slotine_li.one(None, q, dq, dq_ref, ddq_ref, *self._signals(dq, sign, slip))
+            signals = self._signals(q, dq, ddq_ref, sign, slip)
+            return self._slotine_li.one(None, q, dq, dq_ref, ddq_ref, *signals)
         full = np.empty((len(q), self.robot.n, self.p))
         fill = self._slotine_li.filler(full)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], dq_ref[rows], ddq_ref[rows], *self._signals(dq[rows], sign, slip, rows))
+            signals = self._signals(q[rows], dq[rows], ddq_ref[rows], sign, slip, rows)
+            fill(rows, q[rows], dq[rows], dq_ref[rows], ddq_ref[rows], *signals)
         return full
 
     def inverse_dynamics(
@@ -198,11 +224,12 @@ class Regressor:
         if theta.shape != (self.p,):
             raise ValueError(f"theta has shape {theta.shape}; expected ({self.p},), in the order of Regressor.names")
         if single:
-            return self._recurrence.one(None, q, dq, ddq, *self._signals(dq, sign, slip), constants=theta)[:, 0]
+            return self._recurrence.one(None, q, dq, ddq, *self._signals(q, dq, ddq, sign, slip), constants=theta)[:, 0]
         effort = np.empty((len(q), self.robot.n, 1))
         fill = self._recurrence.filler(effort)
         for rows in blocks(len(q)):
-            fill(rows, q[rows], dq[rows], ddq[rows], *self._signals(dq[rows], sign, slip, rows), constants=theta)
+            signals = self._signals(q[rows], dq[rows], ddq[rows], sign, slip, rows)
+            fill(rows, q[rows], dq[rows], ddq[rows], *signals, constants=theta)
         return effort[:, :, 0]
 
     @cached_property
@@ -229,7 +256,8 @@ class Regressor:
         kernel = self._torque
         evaluate = kernel.workspace(len(q), np.arange(len(kernel.row)) + kernel.row, int(ends[-1]))
         for block in blocks(len(q)):
-            values = evaluate(q[block], dq[block], ddq[block], *self._signals(dq[block], sign, slip, block))
+            signals = self._signals(q[block], dq[block], ddq[block], sign, slip, block)
+            values = evaluate(q[block], dq[block], ddq[block], *signals)
             values[ends - 1] = effort[block].T
             yield np.split(values, ends[:-1])
 
@@ -242,11 +270,32 @@ class Regressor:
         return Presliding(distance, self.extra.speeds if self.extra else np.asarray)
 
     def _signals(
-        self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None, rows: slice | None = None
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        sign: Sign,
+        slip: np.ndarray | None,
+        rows: slice | None = None,
     ) -> tuple[np.ndarray, ...]:
         """The signals that friction columns read, as one more input where there are any; slip's rows are dq's."""
+        if self.extra is None:
+            return ()
         states = slip if slip is None or rows is None else slip[rows]
-        return (self.extra.signals(dq, sign, states),) if self.extra else ()
+        return (self.extra.signals(dq, sign, states, self.load(q, dq, ddq)),)
+
+    def load(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray | None:
+        """(n,) or (N, n) magnitude of each joint's load in units of its mean; None where no friction grows with it, or
+        the constants hold no load."""
+        parameters, mean = self.constants.load_parameters, self.constants.mean_load
+        if LOAD not in self.forms or parameters is None or mean is None:
+            return None
+        return np.abs(self._rigid.inverse_dynamics(q, dq, ddq, np.array(parameters))) / np.array(mean)
+
+    @cached_property
+    def _rigid(self) -> Regressor:
+        """The base parameters alone."""
+        return Regressor(self.robot, False, self._compiler)
 
     def _kernel(
         self, graph: Graph, entries: Mapping[tuple[int, int], Scalar], prefixes: Sequence[str], **more: Any

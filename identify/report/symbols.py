@@ -7,16 +7,16 @@ from html import escape
 
 LONGEST = 420  # characters of a formula before it is cut; parameters.json has the whole
 
-_PARAMETER = re.compile(r"(XX|XY|XZ|YY|YZ|ZZ|MX|MY|MZ|M|IA|Ia|Iam|Fvm|Fsm|Fcm|Fpm|Fv|Fs|Fc|Fp|off)(R?)(\d+)")
+_PARAMETER = re.compile(r"(XX|XY|XZ|YY|YZ|ZZ|MX|MY|MZ|M|IA|Ia|Iam|F[vscpba]m|F[vscpbal]|off)(R?)(\d+)")
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 _TOKEN = re.compile(
     r"\s*(?:(?P<power>(?:\*\*|\^)\s*(?:\(\s*(?P<inner>-?\d+(?:/\d+)?)\s*\)|(?P<exponent>-?\d+)))|(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<word>[^\W\d]\w*)|(?P<sign>[-+*/()])|(?P<other>\S))"
 )
 _WORDS = {"pi": "π", "alpha": "α", "beta": "β", "gamma": "γ", "theta": "θ", "sqrt": "√"}
-_SHAFTS = {"Ia": ("I", "a"), "IA": ("I", "a"), "Iam": ("I", "am"), "Fv": ("F", "v"), "Fs": ("F", "s")}
-_SHAFTS |= {"Fvm": ("F", "vm"), "Fsm": ("F", "sm"), "off": ("off", "")}
-_SHAFTS |= {"Fc": ("F", "c"), "Fp": ("F", "p"), "Fcm": ("F", "cm"), "Fpm": ("F", "pm")}
+_SHAFTS = {"Ia": ("I", "a"), "IA": ("I", "a"), "Iam": ("I", "am")}
+_SHAFTS |= {f"F{kind}{motor}": ("F", kind + motor) for kind in "vscpba" for motor in ("", "m")}
+_SHAFTS |= {"off": ("off", ""), "Fl": ("F", "l")}
 
 
 def symbol_html(name: str) -> str:

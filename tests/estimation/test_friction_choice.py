@@ -212,7 +212,7 @@ def test_generated_code_has_the_friction_of_steady_sliding() -> None:
 
 
 def test_a_form_that_there_is_not_is_refused() -> None:
-    with pytest.raises(InputError, match="friction 'stribeck' is not known"):
-        fit(exact_log(ARM), ARM, friction="stribeck")
+    with pytest.raises(InputError, match="friction 'squeak' is not known"):
+        fit(exact_log(ARM), ARM, friction="squeak")
     with pytest.raises(ValueError, match="presliding_distance"):
         Settings(friction=BOTH)

@@ -122,8 +122,8 @@ def test_choices() -> None:
     assert chosen_forms("auto") is None
     assert chosen_forms("plain") == chosen_forms("viscous, coulomb") == further_forms(True) == ()
     assert chosen_forms("presliding,cube_root") == chosen_forms(["presliding", "cube_root"]) == BOTH
-    with pytest.raises(InputError, match=r"friction 'stribeck' is not known; choose from viscous.*presliding"):
-        chosen_forms("cube_root,stribeck")
+    with pytest.raises(InputError, match=r"friction 'squeak' is not known; choose from viscous.*presliding"):
+        chosen_forms("cube_root,squeak")
 
 
 def test_units() -> None:

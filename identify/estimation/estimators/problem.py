@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from identify.errors import UnsupportedLogError
 from identify.estimation.energy import EnergyObservation, energy_observation, stacked_energy
 from identify.estimation.observation import Observation, torque_blocks, torque_residual
 from identify.estimation.reduction import Reduction, reduced
-from identify.estimation.settings import Settings
+from identify.estimation.settings import CONSTANTS, Settings
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 
@@ -62,6 +63,6 @@ class Problem:
     @cached_property
     def work(self) -> EnergyObservation:
         """The energy model's rows with the torque model's columns, further forms of friction included."""
-        forms = {name: getattr(self.settings, name) for name in ("coulomb_velocity", "friction", "presliding_distance")}
-        settings = replace(self.windows, **forms)
+        names = ("coulomb_velocity", "friction", *chain(*CONSTANTS.values()))
+        settings = replace(self.windows, **{name: getattr(self.settings, name) for name in names})
         return stacked_energy([energy_observation(self.regressor, log, settings) for log in self.logs])

@@ -14,16 +14,20 @@ from identify.logs.log import Log
 from identify.robot.robot import Robot
 
 if TYPE_CHECKING:
-    from identify.estimation.fitting import Fit, ModelFit
+    from identify.estimation.fitting import ModelFit
     from identify.estimation.identification import Identification
+    from identify.estimation.physical import Consistent
+    from identify.estimation.reference import Reference
     from identify.experiment.trajectory import Trajectory
     from identify.logs.triage import Findings
     from identify.regressor.regressor import Regressor
+    from identify.validation.review import Review
 
 Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]
 
-RESIDUALS = ("relative_residual_percent", "moving_relative_residual_percent")
+PHYSICAL = "physical"
+"""Name of the prediction by the robot nearest to the estimate that physics allows, beside those of the models."""
 
 
 def excite(
@@ -245,8 +249,11 @@ def _identified(
     from identify.estimation.estimators.registry import ALL
     from identify.estimation.fitting import agreement, fit_models
     from identify.estimation.identification import Identification
+    from identify.estimation.prediction import Predictor
+    from identify.estimation.reference import reference
     from identify.validation import cross_check, held_out
     from identify.validation.estimators import compared
+    from identify.validation.review import reviewed
     from identify.validation.truth import true_parameters
     from identify.validation.verdict import refusals_of_fit, verdict
 
@@ -255,27 +262,40 @@ def _identified(
     both = fit_models(regressor, train, model, estimator, forms, lambda share, text: tell(0.7 * share, text))
     chosen, model = both.chosen, both.chosen.model
     regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
-    tell(0.7, "residuals and held-out logs")
-    figures, curves = _on_training(both, chosen, train)
-    if reasons := refusals_of_fit(model, figures):
-        raise UnsupportedLogError(*reasons)
+    tell(0.7, "links that physics allows")
     nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
-    tests = []
-    for k, log in enumerate(test):
-        result, drawn = _on_test(chosen, k, log, train, nominal)
-        tests.append({"path": log.source, **result})
-        curves |= drawn
-    tell(0.8, "links that physics allows")
     prior_reason = (
         "the log is a simulation of the robot file itself"
         if nominal is None and train[0].simulated
         else "the robot file gives no inertias"
     )
-    possible, physical = _physical(chosen, train, test, nominal is not None, prior_reason)
+    bodies = reference(regressor, estimate.parameters, nominal is not None)
+    possible, why_none = _possible(chosen, bodies)
+    tell(0.75, "residuals and held-out logs")
+    models = {fit.model: fit.predictor for fit in (chosen, both.torque, both.energy) if fit is not None}
+    further = {} if possible is None else {PHYSICAL: Predictor(regressor, possible.parameters, settings)}
+    reviews = [reviewed(log, models | further) for log in train]
+    figures = held_out.figures(reviews, robot)
+    if reasons := refusals_of_fit(model, {name: figures[name] for name in models}):
+        raise UnsupportedLogError(*reasons)
+    described = {} if nominal is None else {held_out.NOMINAL: Predictor(regressor, nominal, settings)}
+    seen = [reviewed(log, {model: models[model]} | described | further) for log in test]
+    tests = [{"path": review.log.source, **held_out.held_out(review, train, robot)} for review in seen]
+    physical: dict[str, Any] = {"physical": None, "physical_reason": why_none}
+    if possible is not None:
+        why = "the robot file's links" if nominal is not None else prior_reason
+        scores = {
+            "fit": _residuals(figures[PHYSICAL]),
+            "test": [{"path": x.log.source, **_residuals(held_out.figures([x], robot)[PHYSICAL])} for x in seen],
+        }
+        speeds = np.max([review.arm_speed for review in reviews], axis=0)
+        physical = {"physical": records.physical(chosen, possible, bodies, why, scores, speeds)}
     tell(0.85, "cross-check against Pinocchio and MuJoCo")
     checks = cross_check.cross_check_regressor(robot)
     base = estimate.parameters[: len(regressor.base.names)]
-    checks["identified"] = cross_check.cross_check_identified(robot, base, possible)
+    checks["identified"] = cross_check.cross_check_identified(
+        robot, base, None if possible is None else possible.standard
+    )
     truth = true_parameters(regressor, train[0])
     record = records.head(robot, model, train, test, command, triage) | {
         "estimator": chosen.estimator,
@@ -283,7 +303,7 @@ def _identified(
         "fit": records.fit_figures(chosen, figures[model]),
         "settings": records.settings(chosen, both.tried),
         "test": tests,
-        "coverage": held_out.coverage(robot, train, settings),
+        "coverage": held_out.coverage(robot, reviews),
         "models": records.models(
             both,
             figures,
@@ -298,71 +318,36 @@ def _identified(
         record["estimators"] = compared(both.problem, test)
     record["versions"]["regressor"] = regressor.backend
     record["verdict"] = verdict(record)
+    curves = _curves("train", reviews) | _curves("test", seen) | held_out.residual_autocorrelation(reviews[0])
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
     )
 
 
-def _on_training(
-    both: Fit, chosen: ModelFit, logs: list[Log]
-) -> tuple[dict[str, dict[str, Any]], dict[str, np.ndarray]]:
-    """Each model's figures on the training logs, and the chosen one's curves, its prediction alone in memory."""
-    from identify.validation import held_out
-
-    others = [m for m in (both.torque, both.energy) if m is not None and m is not chosen]
-    figures = {m.model: held_out.figures(m.regressor, logs, m.estimate.parameters, m.settings)[0] for m in others}
-    regressor, parameters, settings = chosen.regressor, chosen.estimate.parameters, chosen.settings
-    figures[chosen.model], predictions = held_out.figures(regressor, logs, parameters, settings)
-    curves: dict[str, np.ndarray] = {}
-    for k, (log, prediction) in enumerate(zip(logs, predictions, strict=True)):
-        curves |= held_out.curves(f"train{k}", regressor, log, prediction, parameters, settings)
-    return figures, curves | held_out.residual_autocorrelation(logs[0], predictions[0])
-
-
-def _on_test(
-    chosen: ModelFit, k: int, log: Log, training: list[Log], nominal: np.ndarray | None
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """Figures and curves of the k-th log that was not fitted."""
-    from identify.validation import held_out
-
-    regressor, parameters, settings = chosen.regressor, chosen.estimate.parameters, chosen.settings
-    result, prediction = held_out.held_out(regressor, log, training, parameters, settings, nominal)
-    return result, held_out.curves(f"test{k}", regressor, log, prediction, parameters, settings)
-
-
-def _physical(
-    chosen: ModelFit, train: list[Log], test: list[Log], described: bool, neutral_reason: str
-) -> tuple[np.ndarray | None, dict[str, Any]]:
-    """The standard parameters that physics allows (11 n,), nearest to the estimate, and their part of the record.
-
-    described: whether the robot's own links may stand for what the data leave open; neutral_reason: why not.
-    """
-    from identify import record as records
+def _possible(chosen: ModelFit, bodies: Reference) -> tuple[Consistent | None, str]:
+    """The robot nearest to the estimate that physics allows, or None and why there is none; bodies: what stands for
+    what the data leave open."""
     from identify.estimation.physical import information_of, nearest_consistent
-    from identify.estimation.reference import reference
-    from identify.validation.held_out import figures, top_speeds
 
-    regressor, estimate = chosen.regressor, chosen.estimate
-    bodies = reference(regressor, estimate.parameters, described)
+    estimate, velocity = chosen.estimate, chosen.settings.coulomb_velocity
+    information = information_of(estimate.covariance)
     try:
         found = nearest_consistent(
-            regressor,
-            estimate.parameters,
-            information_of(estimate.covariance),
-            bodies,
-            coulomb_velocity=chosen.settings.coulomb_velocity,
+            chosen.regressor, estimate.parameters, information, bodies, coulomb_velocity=velocity
         )
     except InputError as error:
-        return None, {"physical": None, "physical_reason": str(error)}
+        return None, str(error)
+    return found, ""
 
-    def residuals(logs: list[Log]) -> dict[str, Any]:
-        row = figures(regressor, logs, found.parameters, chosen.settings)[0]
-        return {key: x for key, x in row.items() if key.removesuffix("_reason") in (*RESIDUALS, "per_joint")}
 
-    scores = {"fit": residuals(train), "test": [{"path": log.source, **residuals([log])} for log in test]}
-    why = "the robot file's links" if described else neutral_reason
-    speeds = top_speeds(regressor, train, chosen.settings)
-    return found.standard, {"physical": records.physical(chosen, found, bodies, why, scores, speeds)}
+def _residuals(figures: dict[str, Any]) -> dict[str, Any]:
+    from identify.estimation.scoring import RESIDUALS
+
+    return {key: x for key, x in figures.items() if key.removesuffix("_reason") in (*RESIDUALS, "per_joint")}
+
+
+def _curves(prefix: str, reviews: Sequence[Review]) -> dict[str, np.ndarray]:
+    return {f"{prefix}{k}/{name}": x for k, review in enumerate(reviews) for name, x in review.curves.items()}
 
 
 def _raw_curves(logs: Sequence[Log]) -> dict[str, np.ndarray]:

@@ -35,7 +35,7 @@ ROOMS = (
     "cli",
 )
 """From the robot to the command line: a room may use those before it, and none after."""
-SHELL = ("__init__", "__main__", "errors", "numbers", "record")
+SHELL = ("__init__", "__main__", "errors", "numbers", "record", "side_by_side")
 """Modules at the top that are no room of their own."""
 
 

@@ -13,6 +13,7 @@ from identify.estimation.energy import energy_residual_percent
 from identify.estimation.estimators.problem import Problem
 from identify.estimation.estimators.registry import DEFAULTS, ESTIMATORS, MODELS, Estimator, choice
 from identify.estimation.least_squares import Estimate
+from identify.estimation.prediction import Predictor
 from identify.estimation.reduction import Reduction
 from identify.estimation.selection import choose_settings, choose_window
 from identify.estimation.settings import Settings
@@ -50,6 +51,11 @@ class ModelFit:
     def estimator(self) -> str:
         """The estimator in words."""
         return self.by.title
+
+    @property
+    def predictor(self) -> Predictor:
+        """What predicts effort by it."""
+        return Predictor(self.regressor, self.estimate.parameters, self.settings)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from identify.errors import InputError
-from identify.estimation.motion import clock, motion_pieces
+from identify.estimation.prediction import predicted_effort
 from identify.estimation.settings import Settings
 from identify.logs.folders import check_replaceable, replacing_folder
 from identify.logs.log import Log
@@ -109,20 +109,6 @@ def _estimates(record: dict[str, Any]) -> tuple[tuple[str, ...], np.ndarray, np.
     if not names or covariance.shape != (len(names), len(names)):
         raise ValueError(f"covariance {covariance.shape} of {len(names)} parameters")
     return names, parameters, covariance
-
-
-def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
-    """(N, n) effort of the parameters at the log's samples, position low-passed and differentiated as for the fit."""
-    effort = np.empty(log.position.shape)
-    presliding = settings.presliding(regressor)
-    for rows, motion in motion_pieces(log, settings.position_cutoff_hz):
-        slip = presliding(motion.q) if presliding else None
-        effort[rows] = regressor.inverse_dynamics(motion.q, motion.dq, motion.ddq, parameters, settings.sign, slip)
-    time = clock(log)[0]
-    if not np.array_equal(time, log.time):
-        for column in effort.T:  # in place, as a log may be long
-            column[:] = np.interp(log.time, time, column)
-    return effort
 
 
 def load_folder(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

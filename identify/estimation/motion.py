@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -79,10 +78,10 @@ def clock(log: Log, jitter: float = JITTER) -> tuple[np.ndarray, float, bool]:
     return even(0, log.samples), 1 / step, bool(uneven <= jitter * step and off <= step)
 
 
-def beneath(log: Log, time: np.ndarray) -> slice:
-    """The log's samples between which times (m,), in order, lie."""
-    first = max(0, int(np.searchsorted(log.time, time[0], side="right")) - 1)
-    return slice(first, max(int(np.searchsorted(log.time, time[-1])) + 1, first + 1))
+def beneath(samples: np.ndarray, time: np.ndarray) -> slice:
+    """Those of the samples' times (N,), in order, between which times (m,), in order, lie."""
+    first = max(0, int(np.searchsorted(samples, time[0], side="right")) - 1)
+    return slice(first, min(max(int(np.searchsorted(samples, time[-1])) + 1, first + 1), len(samples)))
 
 
 def interpolated(time: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -95,7 +94,7 @@ def interpolated(time: np.ndarray, at: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def resampled(log: Log, time: np.ndarray, *channels: np.ndarray) -> list[np.ndarray]:
     """The log's channels (N, n), interpolated linearly, at times (m,) in order."""
-    part = beneath(log, time)
+    part = beneath(log.time, time)
     return [interpolated(time, log.time[part], x[part]) for x in channels]
 
 
@@ -135,23 +134,9 @@ def continuation(x: np.ndarray, length: int) -> np.ndarray:
     return np.vander(-rows[1:], 3, increasing=True) @ parabola + 2 * rest[0] - rest[1:]
 
 
-def motion_of(log: Log, cutoff: float) -> Motion:
-    """The log's motion at its own rate, position low-passed at `cutoff` [Hz]."""
-    time, (position,), rate = uniform(log, log.position)
-    return Motion(time, *differentiated(position, cutoff, rate), rate)
-
-
-def motion_pieces(log: Log, cutoff: float) -> Iterator[tuple[slice, Motion]]:
-    """`motion_of` piece by piece, for long logs: the samples of each, and the motion there."""
-    ticks = clock(log)
-    step = max(1, round(PIECE_S * ticks[1]))
-    for start in range(0, log.samples, step):
-        rows = slice(start, min(start + step, log.samples))
-        yield rows, motion_at(log, rows, cutoff, ticks)
-
-
 def motion_at(log: Log, rows: slice, cutoff: float, ticks: tuple[np.ndarray, float, bool]) -> Motion:
-    """`motion_of` at these rows alone, without step; ticks: the log's `clock`."""
+    """The log's motion at these rows, without step, of its even clock `ticks`, as `clock` gives it: position low-passed
+    at `cutoff` [Hz]. Of a part of a log, as of the whole."""
     time, rate, regular = ticks
     margin = settled(cutoff, rate)
     around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))

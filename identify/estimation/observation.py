@@ -80,7 +80,7 @@ def signal_pieces(
     cutoff = settings.position_cutoff_hz
     around = settled(settings.effort_cutoff_hz, rate / factor) if margin is None else round(margin * rate / factor)
     step = total if length == np.inf else max(1, round((length or PIECE_S) * rate / factor))
-    states = _States(settings.presliding(regressor))
+    states = States(settings.presliding(regressor))
     lead = -(-settled(min(cutoff, 0.4 * rate / factor), rate) // factor)
     for start in range(0, total, step):
         # In rows at the working rate: the piece, what its margin reaches, and what the position's filter needs.
@@ -108,7 +108,7 @@ def signal_pieces(
         )
 
 
-class _States:
+class States:
     """Presliding states of pieces that overlap, one after the other, at the log's rate."""
 
     def __init__(self, presliding: Presliding | None) -> None:

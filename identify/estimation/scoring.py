@@ -19,6 +19,9 @@ from identify.robot.robot import Robot
 
 CUTOFF_HZ = 10.0
 SPEED_CUTOFF_HZ = 20.0
+RESIDUALS = ("relative_residual_percent", "moving_relative_residual_percent")
+"""Keys of the two figures of all joints together: over every sample, and where joints move."""
+
 WHY_NOT = {
     "relative_residual_percent": "the measured effort is zero",
     "moving_relative_residual_percent": "the joint never moves with any effort",
@@ -53,12 +56,22 @@ def explained(row: dict[str, Any], reasons: dict[str, str]) -> dict[str, Any]:
 
 
 def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot) -> dict[str, Any]:
-    """Figures of predictions (N, n), one a log: over all, moving and at rest, logs and joints together and per joint.
+    """`figures_of` predictions (N, n), one a log, at its samples. Each log is filtered on its own."""
+    tallies = [
+        Smooth.of(piece_at(log, place, [hat[place.part]])).tally(0)
+        for log, hat in zip(logs, predictions, strict=True)
+        for place in places(log)
+    ]
+    return figures_of(tallies, sum(log.duration for log in logs), robot)
 
-    RMSE in N·m or N, residuals in percent. Each log is filtered on its own. rmse and moving_rmse are over every sample,
-    the latter with rows at rest set to zero before the filter; rest_rmse is that of the samples at rest.
+
+def figures_of(tallies: Sequence[Tally], duration: float, robot: Robot) -> dict[str, Any]:
+    """Figures of one prediction over pieces of all logs, `duration` [s] together: over all, moving and at rest, joints
+    together and per joint.
+
+    RMSE in N·m or N, residuals in percent. rmse and moving_rmse are over every sample, the latter with rows at rest set
+    to zero before the filter; rest_rmse is that of the samples at rest.
     """
-    tallies = [_Tally.of(x) for log, hat in zip(logs, predictions, strict=True) for x in pieces(log, hat)]
     count = np.array([[tally.count] for tally in tallies])
     mean = np.array([tally.mean for tally in tallies])
     samples, middle = count.sum(), (count * mean).sum(axis=0) / count.sum()
@@ -85,31 +98,23 @@ def scored(logs: Sequence[Log], predictions: Sequence[np.ndarray], robot: Robot)
         "relative_residual_percent": _percent(error.sum(), power.sum()),
         "moving_relative_residual_percent": _percent(moving_error.sum(), moving_power.sum()),
         "per_joint": [explained(joint, WHY_NOT) for joint in joints],
-        "duration_s": float(sum(log.duration for log in logs)),
+        "duration_s": float(duration),
     }
     return explained(total, WHY_NOT)
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Some rows of a log on its even clock, and as many around them as the rule's filter reaches.
+class Place:
+    """Rows of a log's even clock, those around them that the rule's filter reaches, and the samples under all these.
 
-    rows, around: without and with those around; rate [Hz]. effort, error (measured − predicted) and moves (m, n) are
-    all of `around`; what is low-passed is of `rows` alone.
+    rate [Hz]; time (m,) [s] of `around`, None where the samples are its rows as they are.
     """
 
     rows: slice
     around: slice
+    part: slice
     rate: float
-    effort: np.ndarray
-    error: np.ndarray
-    moves: np.ndarray
-
-    def low_passed(self, *channels: np.ndarray) -> list[np.ndarray]:
-        """(rows, n) of each of the channels (m, n) by the rule's filter."""
-        # One call for all: it takes as long to begin as for a second of log.
-        smooth = low_pass(np.concatenate(channels, axis=1), CUTOFF_HZ, self.rate)[self.inside]
-        return np.split(smooth, len(channels), axis=1)
+    time: np.ndarray | None
 
     @property
     def inside(self) -> slice:
@@ -117,24 +122,75 @@ class Piece:
         return slice(self.rows.start - self.around.start, self.rows.stop - self.around.start)
 
 
-def pieces(log: Log, predicted: np.ndarray) -> Iterator[Piece]:
-    """The whole log piece by piece, as one may be long; predicted (N, n)."""
-    assert log.effort is not None
+def places(log: Log) -> Iterator[Place]:
+    """The whole log piece by piece, as one may be long."""
     # The rule interpolates whatever the clock; figures then agree to the last digit.
     time, rate, regular = clock(log, jitter=0.0)
     step, margin = max(1, round(PIECE_S * rate)), settled(CUTOFF_HZ, rate)
     for start in range(0, len(time), step):
         rows = slice(start, min(start + step, len(time)))
         around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
-        part = around if regular else beneath(log, time[around])
-        effort, hat, speed = log.effort[part], predicted[part], speed_of(log, part)
-        if not regular:
-            effort, hat, speed = (interpolated(time[around], log.time[part], x) for x in (effort, hat, speed))
-        yield Piece(rows, around, rate, effort, effort - hat, np.abs(speed) > STILL)
+        if regular:
+            yield Place(rows, around, around, rate, None)
+        else:
+            yield Place(rows, around, beneath(log.time, time[around]), rate, time[around])
 
 
 @dataclass(frozen=True)
-class _Tally:
+class Piece:
+    """A log at a place: effort, errors (measured − each prediction) and moves, (m, n) each, at the rows of `around`."""
+
+    place: Place
+    effort: np.ndarray
+    errors: tuple[np.ndarray, ...]
+    moves: np.ndarray
+
+
+def piece_at(log: Log, place: Place, predictions: Sequence[np.ndarray]) -> Piece:
+    """The log at a place, with predictions (k, n) at the samples of `place.part`."""
+    assert log.effort is not None
+    channels = [log.effort[place.part], speed_of(log, place.part), *predictions]
+    if place.time is not None:
+        channels = [interpolated(place.time, log.time[place.part], x) for x in channels]
+    effort, speed, *hats = channels
+    return Piece(place, effort, tuple(effort - hat for hat in hats), np.abs(speed) > STILL)
+
+
+@dataclass(frozen=True)
+class Smooth:
+    """A piece by the rule's filter, (rows, n) each: effort and errors; moving_effort and moving_errors, with rows at
+    rest set to zero before it; more, whatever else was given. moves: as it is."""
+
+    effort: np.ndarray
+    errors: tuple[np.ndarray, ...]
+    moving_effort: np.ndarray
+    moving_errors: tuple[np.ndarray, ...]
+    more: tuple[np.ndarray, ...]
+    moves: np.ndarray
+
+    @staticmethod
+    def of(x: Piece, *more: np.ndarray) -> Smooth:
+        """more (m, n): further channels at the rows of `around`."""
+        channels = [x.effort, *x.errors, *(values * x.moves for values in (x.effort, *x.errors)), *more]
+        # One call for all: it takes as long to begin as for a second of log.
+        smooth = low_pass(np.concatenate(channels, axis=1), CUTOFF_HZ, x.place.rate)[x.place.inside]
+        found = np.split(smooth, len(channels), axis=1)
+        k = 1 + len(x.errors)
+        inside = x.moves[x.place.inside]
+        return Smooth(found[0], tuple(found[1:k]), found[k], tuple(found[k + 1 : 2 * k]), tuple(found[2 * k :]), inside)
+
+    def tally(self, k: int) -> Tally:
+        """That of the k-th prediction."""
+        still, mean = ~self.moves, self.effort.mean(axis=0)
+        error = self.errors[k]
+        signals = (self.effort, self.moving_effort, error, self.moving_errors[k], error * still)
+        sums = [np.einsum("ij,ij->j", x, x) for x in signals]
+        scatter, largest = ((self.effort - mean) ** 2).sum(axis=0), np.abs(error).max(axis=0)
+        return Tally(len(still), mean, scatter, largest, np.array([*sums, still.sum(axis=0)]))
+
+
+@dataclass(frozen=True)
+class Tally:
     """Sums over some rows: how many, mean and scatter of the measured effort (n,), the largest error (n,), and sums
     (6, n) of the squared effort, the same moving, squared error, the same moving and at rest, and rows at rest."""
 
@@ -143,15 +199,6 @@ class _Tally:
     scatter: np.ndarray
     largest: np.ndarray
     sums: np.ndarray
-
-    @staticmethod
-    def of(x: Piece) -> _Tally:
-        still = ~x.moves[x.inside]
-        measured, moving, error, moving_error = x.low_passed(x.effort, x.effort * x.moves, x.error, x.error * x.moves)
-        mean = measured.mean(axis=0)
-        sums = [(v**2).sum(axis=0) for v in (measured, moving, error, moving_error, error * still)]
-        scatter, largest = ((measured - mean) ** 2).sum(axis=0), np.abs(error).max(axis=0)
-        return _Tally(len(still), mean, scatter, largest, np.array([*sums, still.sum(axis=0)]))
 
 
 def _percent(error: float, size: float) -> float | None:

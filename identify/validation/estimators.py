@@ -8,11 +8,10 @@ from typing import Any
 from identify.errors import UnsupportedLogError
 from identify.estimation.estimators.problem import Problem
 from identify.estimation.estimators.registry import DEFAULTS, ESTIMATORS
-from identify.estimation.fitting import fitted
+from identify.estimation.fitting import ModelFit, fitted
+from identify.estimation.scoring import RESIDUALS
 from identify.logs.log import Log
-from identify.validation.held_out import figures
-
-RESIDUALS = ("relative_residual_percent", "moving_relative_residual_percent")
+from identify.validation.held_out import figures_on
 
 
 def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
@@ -20,12 +19,27 @@ def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
 
     Where the logs do not support it, its figures are null and "reason" says what it lacks.
     """
-    return [_row(problem, name, test) for name in ESTIMATORS]
+    rows = {name: _row(name) for name in ESTIMATORS}
+    fits: dict[str, ModelFit] = {}
+    for name, row in rows.items():
+        try:
+            fits[name] = fitted(problem, ESTIMATORS[name])
+        except UnsupportedLogError as error:
+            row["reason"] = str(error)
+        else:
+            row["condition_number"] = fits[name].estimate.condition_number
+    predictors = {name: fit.predictor for name, fit in fits.items()}
+    for role, logs in (("train", problem.logs), ("test", test)):
+        found = figures_on(logs, predictors) if logs and fits else {}
+        for name, figures in found.items():
+            rows[name][role] = {key: figures[key] for key in RESIDUALS}
+    why = {} if test else {"test_reason": "no held-out log was given"}
+    return [row if "reason" in row else row | why for row in rows.values()]
 
 
-def _row(problem: Problem, name: str, test: Sequence[Log]) -> dict[str, Any]:
+def _row(name: str) -> dict[str, Any]:
     by = ESTIMATORS[name]
-    row: dict[str, Any] = {
+    return {
         "estimator": name,
         "title": by.title,
         "model": by.model,
@@ -34,13 +48,3 @@ def _row(problem: Problem, name: str, test: Sequence[Log]) -> dict[str, Any]:
         "train": None,
         "test": None,
     }
-    try:
-        fit = fitted(problem, by)
-    except UnsupportedLogError as error:
-        return row | {"reason": str(error)}
-    row["condition_number"] = fit.estimate.condition_number
-    for role, logs in (("train", problem.logs), ("test", test)):
-        if logs:
-            found = figures(fit.regressor, logs, fit.estimate.parameters, fit.settings)[0]
-            row[role] = {key: found[key] for key in RESIDUALS}
-    return row if test else row | {"test_reason": "no held-out log was given"}

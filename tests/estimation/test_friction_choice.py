@@ -16,9 +16,10 @@ import identify.estimation.observation as observation_module
 from identify.codegen.generate import generate
 from identify.errors import InputError, UnsupportedLogError
 from identify.estimation.fitting import fit_torque
-from identify.estimation.identification import Identification, predicted_effort
+from identify.estimation.identification import Identification
 from identify.estimation.identified_robot import exported, identified_robot
 from identify.estimation.observation import signal_pieces, signals, stacked, torque_blocks
+from identify.estimation.prediction import predicted_effort
 from identify.estimation.selection import choose_settings, validated
 from identify.estimation.settings import Settings
 from identify.logs.log import Log

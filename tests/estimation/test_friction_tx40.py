@@ -8,7 +8,7 @@ import pytest
 from beside import tx40_recording
 
 from identify.estimation.fitting import fit_torque
-from identify.estimation.identification import predicted_effort
+from identify.estimation.prediction import predicted_effort
 from identify.estimation.scoring import scored
 from identify.estimation.selection import choose_settings
 from identify.logs.log import Log

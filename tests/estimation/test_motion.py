@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identify.estimation import motion as module
 from identify.estimation.motion import (
     GROUP,
     clock,
@@ -13,8 +12,7 @@ from identify.estimation.motion import (
     decimated,
     differentiated,
     low_pass,
-    motion_of,
-    motion_pieces,
+    motion_at,
     resampled,
     settled,
     thinned,
@@ -128,7 +126,8 @@ def test_a_gap_and_a_slow_drift_are_resampled_too() -> None:
 
 def test_motion_is_of_the_positions() -> None:
     wave = np.sin(2 * np.pi * 0.5 * TIME)[:, None] * [1.0, -2.0]
-    motion = motion_of(log_of(TIME, wave), 20.0)
+    log = log_of(TIME, wave)
+    motion = motion_at(log, slice(0, len(TIME)), 20.0, clock(log))
     assert motion.rate == pytest.approx(RATE)
     expected = np.pi * np.cos(np.pi * TIME)[:, None] * [1.0, -2.0]
     np.testing.assert_allclose(motion.dq[INSIDE], expected[INSIDE], atol=2e-4)
@@ -187,15 +186,14 @@ def test_a_part_of_a_clock_is_resampled_as_the_whole() -> None:
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.4])
-def test_pieces_of_a_motion_make_the_whole(jitter: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "PIECE_S", 1.7)
+def test_pieces_of_a_motion_make_the_whole(jitter: float) -> None:
     time = TIME + jitter * np.random.default_rng(2).uniform(-1, 1, len(TIME)) / RATE
     log = log_of(time, np.column_stack([np.sin(3 * time), np.cos(2 * time) + time]))
-    whole = motion_of(log, 20.0)
-    pieces = list(motion_pieces(log, 20.0))
-    assert len(pieces) == 5
+    ticks = clock(log)
+    whole = motion_at(log, slice(0, len(TIME)), 20.0, ticks)
+    np.testing.assert_array_equal(whole.time, ticks[0])
+    pieces = [motion_at(log, slice(start, min(start + 850, len(TIME))), 20.0, ticks) for start in range(0, 4000, 850)]
     for name in ("time", "q", "dq", "ddq"):
-        found = np.concatenate([getattr(piece, name) for _, piece in pieces])
+        found = np.concatenate([getattr(piece, name) for piece in pieces])
         expected = getattr(whole, name)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
-    assert [rows.start for rows, _ in pieces] == [0, 850, 1700, 2550, 3400]

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from exact_logs import arm, exact_log, fitted, motion, unknown
 
+from identify import side_by_side
+from identify.estimation import scoring
+from identify.estimation.prediction import Predictor, predicted_effort
 from identify.estimation.scoring import scored
 from identify.estimation.settings import STILL, Settings
+from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
 from identify.validation.held_out import (
-    CURVE_ROWS,
+    NOMINAL,
     coverage,
-    curves,
-    figures,
+    figures_on,
     held_out,
     nominal_parameters,
     residual_autocorrelation,
 )
+from identify.validation.review import CURVE_ROWS, Review, reviewed
 
 ARM = arm(1)
 REGRESSOR = Regressor(ARM)
@@ -28,12 +33,73 @@ SETTINGS = Settings()
 HALF = 0.5 * REGRESSOR.parameters
 
 
-def test_figures_are_those_of_the_prediction() -> None:
-    logs = [exact_log(ARM, 1), exact_log(ARM, 2)]
-    found, predictions = figures(REGRESSOR, logs, HALF, SETTINGS)
-    assert found == scored(logs, predictions, ARM)
+def of(regressor: Regressor, parameters: np.ndarray) -> Predictor:
+    return Predictor(regressor, parameters, SETTINGS)
+
+
+def review(log: Log, **parameters: np.ndarray) -> Review:
+    return reviewed(log, {name: of(REGRESSOR, values) for name, values in ({"half": HALF} | parameters).items()})
+
+
+def figures(logs: list[Log], parameters: np.ndarray) -> dict[str, Any]:
+    return figures_on(logs, {"only": of(REGRESSOR, parameters)})["only"]
+
+
+def numbers(value: Any) -> list[float]:
+    """Every number of a figure, one after the other."""
+    if isinstance(value, dict):
+        return numbers([value[key] for key in sorted(value)])
+    if isinstance(value, list):
+        return [x for each in value for x in numbers(each)]
+    return [] if isinstance(value, str) or value is None else [value]
+
+
+def uneven(log: Log, share: float) -> Log:
+    """The log with times up to this share of a step from where they were."""
+    step = log.time[1] - log.time[0]
+    return replace(log, time=log.time + share * step * np.random.default_rng(1).uniform(-1, 1, log.samples))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.005, 0.3])
+@pytest.mark.parametrize("threads", [1, 3])
+def test_figures_in_one_pass_are_those_of_whole_predictions(
+    share: float, threads: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of several predictions, one with a presliding state; whatever the clock, the pieces and the threads."""
+    monkeypatch.setattr(side_by_side, "workers", lambda: threads)
+    monkeypatch.setattr(scoring, "PIECE_S", 3.1)
+    logs = [uneven(exact_log(ARM, seed), share) for seed in (1, 2)]
+    rich = REGRESSOR.with_forms(("presliding",))
+    settings = Settings(
+        position_cutoff_hz=25.0, coulomb_velocity=0.05, rest_counted=True, friction=rich.forms, presliding_distance=3e-3
+    )
+    predictors = {
+        "half": of(REGRESSOR, HALF),
+        "presliding": Predictor(rich, np.linspace(0.5, 1.5, rich.p), settings),
+        "whole": of(REGRESSOR, REGRESSOR.parameters),
+    }
+    found = figures_on(logs, predictors)
+    assert list(found) == list(predictors)
+    for name, p in predictors.items():
+        predictions = [predicted_effort(p.regressor, log, p.parameters, p.settings) for log in logs]
+        expected = scored(logs, predictions, ARM)
+        assert numbers(found[name]) == pytest.approx(numbers(expected), rel=1e-7, abs=1e-9)
     # Effort is linear in the parameters: half of them leave half of it.
-    assert found["relative_residual_percent"] == pytest.approx(50, abs=0.5)
+    assert found["half"]["relative_residual_percent"] == pytest.approx(50, abs=0.5)
+
+
+def test_threads_change_no_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scoring, "PIECE_S", 1.3)
+    found = []
+    for threads in (1, 2, 4):
+        monkeypatch.setattr(side_by_side, "workers", lambda threads=threads: threads)
+        found.append(review(exact_log(ARM, 1)))
+    for other in found[1:]:
+        np.testing.assert_array_equal(other.residual, found[0].residual)
+        for name, values in found[0].curves.items():
+            np.testing.assert_array_equal(other.curves[name], values)
+        for ours, theirs in zip(found[0].tallies["half"], other.tallies["half"], strict=True):
+            np.testing.assert_array_equal(ours.sums, theirs.sums)
 
 
 def test_outside_training_is_the_share_of_time_beyond_its_positions() -> None:
@@ -41,25 +107,26 @@ def test_outside_training_is_the_share_of_time_beyond_its_positions() -> None:
     spread = np.ptp(train.position, axis=0)
     low, high = train.position.min(axis=0), train.position.max(axis=0)
     moved = train.position + 0.25 * spread * [1.0, -1.0, 0.0]
-    found, _ = held_out(REGRESSOR, replace(train, position=moved), [train], HALF, SETTINGS, None)
+    found = held_out(review(replace(train, position=moved)), [train], ARM)
     expected = [(moved[:, 0] > high[0]).mean(), (moved[:, 1] < low[1]).mean(), 0.0]
     assert found["outside_training_percent"] == pytest.approx([100 * x for x in expected])
     assert 0 < expected[0] < 1
-    both, _ = held_out(REGRESSOR, log, [train, log], HALF, SETTINGS, None)
+    both = held_out(review(log), [train, log], ARM)
     assert both["outside_training_percent"] == [0.0] * 3
 
 
 def test_a_training_log_is_known_again() -> None:
     train, log = exact_log(ARM, 1), exact_log(ARM, 2)
-    assert held_out(REGRESSOR, train, [log, train], HALF, SETTINGS, None)[0]["is_a_training_log"] is True
-    assert held_out(REGRESSOR, log, [train], HALF, SETTINGS, None)[0]["is_a_training_log"] is False
+    assert held_out(review(train), [log, train], ARM)["is_a_training_log"] is True
+    assert held_out(review(log), [train], ARM)["is_a_training_log"] is False
 
 
 def test_the_nominal_model_stands_beside_the_identified_one() -> None:
     log = exact_log(ARM, 2)
     nominal = nominal_parameters(REGRESSOR)
-    found, _ = held_out(REGRESSOR, log, [exact_log(ARM, 1)], HALF, SETTINGS, nominal)
-    exact = figures(REGRESSOR, [log], REGRESSOR.parameters, SETTINGS)[0]
+    assert nominal is not None
+    found = held_out(review(log, **{NOMINAL: nominal}), [exact_log(ARM, 1)], ARM)
+    exact = figures([log], REGRESSOR.parameters)
     assert found["nominal_relative_residual_percent"] == exact["relative_residual_percent"] < 1
     assert [j["nominal_moving_rmse"] for j in found["per_joint"]] == [j["moving_rmse"] for j in exact["per_joint"]]
     assert found["relative_residual_percent"] > 40
@@ -71,7 +138,7 @@ def test_the_nominal_model_stands_beside_the_identified_one() -> None:
 def test_where_there_is_no_nominal_model_it_says_why(metadata: dict[str, str], reason: str) -> None:
     assert nominal_parameters(Regressor(unknown(ARM))) is None
     log = replace(exact_log(ARM, 2), metadata=metadata)
-    found, _ = held_out(REGRESSOR, log, [log], HALF, SETTINGS, None)
+    found = held_out(review(log), [log], ARM)
     assert found["nominal_relative_residual_percent"] is None
     assert reason in found["nominal_relative_residual_percent_reason"]
     for joint in found["per_joint"]:
@@ -85,24 +152,20 @@ def test_curves_split_the_prediction_into_rigid_body_and_friction(robot: Robot) 
     regressor = Regressor(robot)
     log = exact_log(robot, 1, rate=500.0)
     theta = regressor.parameters
-    prediction = figures(regressor, [log], theta, SETTINGS)[1][0]
-    found = curves("test3", regressor, log, prediction, theta, SETTINGS)
-    rows = len(found["test3/time"])
+    found = reviewed(log, {"drawn": of(regressor, theta), "other": of(regressor, 0 * theta)}).curves
+    rows = len(found["time"])
     assert CURVE_ROWS / 2 < rows <= CURVE_ROWS
-    assert {name.split("/")[0] for name in found} == {"test3"}
     for name in ("measured", "predicted", "rigid", "position", "velocity", "acceleration"):
-        assert found[f"test3/{name}"].shape == (rows, 3)
-    assert found["test3/moving"].dtype == bool
-    t = found["test3/time"]
+        assert found[name].shape == (rows, 3)
+    assert found["moving"].dtype == bool
+    t = found["time"]
     q, dq, ddq = motion(robot).sample(t)
     inside = slice(100, -100)
     for name, exact in (("position", q), ("velocity", dq), ("acceleration", ddq)):
-        np.testing.assert_allclose(found[f"test3/{name}"][inside], exact[inside], rtol=0, atol=5e-3)
+        np.testing.assert_allclose(found[name][inside], exact[inside], rtol=0, atol=5e-3)
     clear = np.abs(np.abs(dq) - STILL) > 0.002
-    np.testing.assert_array_equal(
-        found["test3/moving"][inside][clear[inside]], (np.abs(dq) > STILL)[inside][clear[inside]]
-    )
-    lost = found["test3/measured"] - found["test3/rigid"]
+    np.testing.assert_array_equal(found["moving"][inside][clear[inside]], (np.abs(dq) > STILL)[inside][clear[inside]])
+    lost = found["measured"] - found["rigid"]
     drives = [joint.drive for joint in robot.joints]
     far = np.array([np.abs(dq[max(0, k - 100) : k + 101]).min(axis=0) > 0.03 for k in range(len(t))])
     for j, drive in enumerate(drives):
@@ -115,7 +178,7 @@ def test_coverage_is_what_the_motion_used_of_the_limits() -> None:
     logs = [exact_log(ARM, seed) for seed in (1, 2)]
     samples = [motion(ARM, seed).sample(logs[0].time) for seed in (1, 2)]
     q, dq, ddq = (np.concatenate(x) for x in zip(*samples, strict=True))
-    for j, row in enumerate(coverage(ARM, logs, SETTINGS)["per_joint"]):
+    for j, row in enumerate(coverage(ARM, [review(log) for log in logs])["per_joint"]):
         limits = ARM.joints[j].limits
         assert row["position"] == pytest.approx([q[:, j].min(), q[:, j].max()], abs=1e-3)
         assert row["position_limit_percent"] == pytest.approx(100 * np.ptp(q[:, j]) / 4.0, rel=1e-3)
@@ -128,7 +191,7 @@ def test_coverage_is_what_the_motion_used_of_the_limits() -> None:
 
 def test_limits_that_nobody_gave_are_null_with_a_reason() -> None:
     free = replace(ARM, joints=tuple(replace(j, limits=type(j.limits)()) for j in ARM.joints))
-    for row in coverage(free, [exact_log(ARM)], SETTINGS)["per_joint"]:
+    for row in coverage(free, [review(exact_log(ARM))])["per_joint"]:
         for key in ("position_limit_percent", "velocity_limit_percent", "acceleration_limit_percent"):
             assert row[key] is None
             assert row[f"{key}_reason"] == "the robot file gives no such limit"
@@ -137,7 +200,8 @@ def test_limits_that_nobody_gave_are_null_with_a_reason() -> None:
 def test_autocorrelation_of_an_oscillating_residual() -> None:
     log = exact_log(ARM, 1)
     wave = np.sin(2 * np.pi * 4.0 * log.time)[:, None] * [1.0, 2.0, 0.0]
-    found = residual_autocorrelation(log, log.effort - wave)
+    # With parameters of zero all of the effort is residual.
+    found = residual_autocorrelation(review(replace(log, effort=wave), half=np.zeros(REGRESSOR.p)))
     lag, values = found["residual/lag"], found["residual/autocorrelation"]
     assert values.shape == (len(lag), 3)
     assert lag[0] == 0

@@ -1,0 +1,80 @@
+"""The effort that parameters predict along a log, whatever its length and its clock."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from identify.estimation.motion import PIECE_S, Motion, beneath, clock, interpolated, motion_at
+from identify.estimation.observation import States
+from identify.estimation.settings import Settings
+from identify.logs.log import Log
+from identify.regressor.regressor import Regressor
+from identify.side_by_side import mapped
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Parameters (p,) in the order of the regressor's names, and the settings that they were found with."""
+
+    regressor: Regressor
+    parameters: np.ndarray
+    settings: Settings
+
+    def effort(self, motion: Motion, slip: np.ndarray | None) -> np.ndarray:
+        """(N, n) effort [N·m or N] of the motion; slip (N, arms): its presliding states, None where none are read."""
+        return self.regressor.inverse_dynamics(
+            motion.q, motion.dq, motion.ddq, self.parameters, self.settings.sign, slip
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """Samples `part` of a log, the rows of its even clock between which they lie, and of each predictor the motion
+    there and its presliding states.
+
+    between: times (m,) [s] of the samples where they are not the rows themselves.
+    """
+
+    part: slice
+    rows: slice
+    motions: tuple[Motion, ...]
+    slips: tuple[np.ndarray | None, ...]
+    between: np.ndarray | None
+
+    def effort(self, predictor: Predictor, k: int = 0) -> np.ndarray:
+        """(m, n) what the k-th predictor says of the samples."""
+        hat = predictor.effort(self.motions[k], self.slips[k])
+        return hat if self.between is None else interpolated(self.between, self.motions[k].time, hat)
+
+
+def stretches(log: Log, predictors: Sequence[Predictor], parts: Iterable[slice]) -> Iterator[Stretch]:
+    """The log at these samples, which may overlap but come in order; positions are low-passed and differentiated as
+    for the fits."""
+    ticks = clock(log)
+    states = [States(predictor.settings.presliding(predictor.regressor)) for predictor in predictors]
+    cutoffs = [predictor.settings.position_cutoff_hz for predictor in predictors]
+    for part in parts:
+        between = None if ticks[0] is log.time else log.time[part]
+        rows = part if between is None else beneath(ticks[0], between)
+        found = {cutoff: motion_at(log, rows, cutoff, ticks) for cutoff in set(cutoffs)}
+        motions = tuple(found[cutoff] for cutoff in cutoffs)
+        slips = tuple(state(motion.q, rows.start, 1) for state, motion in zip(states, motions, strict=True))
+        yield Stretch(part, rows, motions, slips, between)
+
+
+def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:
+    """(N, n) effort of the parameters at the log's samples, position low-passed and differentiated as for the fit."""
+    effort = np.empty(log.position.shape)
+    predictor = Predictor(regressor, parameters, settings)
+    step = max(1, round(PIECE_S * log.rate_hz))
+    parts = (slice(start, min(start + step, log.samples)) for start in range(0, log.samples, step))
+
+    def fill(stretch: Stretch) -> None:
+        effort[stretch.part] = stretch.effort(predictor)
+
+    for _ in mapped(fill, stretches(log, [predictor], parts)):
+        pass
+    return effort

@@ -49,6 +49,7 @@ def measure(run: PlantRun, noise: str, seed: int, robot: Robot) -> Log:
         joints=run.joints,
         findings=run.findings,
         metadata=provenance(robot, noise, seed, rate, run.facts) | findings_entry(run.findings),
+        attachments={} if run.control is None else run.control.attachments(),
     )
 
 

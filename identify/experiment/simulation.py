@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.experiment.control import Control
 from identify.experiment.plant import TIMESTEP, run_plant
 from identify.experiment.sensors import Sensors, check_noise, findings_entry, measure, provenance
 from identify.experiment.trajectory import Trajectory
@@ -105,7 +106,7 @@ def record_experiment(
     path = Path(path)
     refuse_existing_log(path, force)
     tell = progress or (lambda fraction, text: None)
-    attachments = _attachments(write_toml(robot), trajectory.to_toml())
+    attached = _attachments(write_toml(robot), trajectory.to_toml())
     # Noise that is a share of the run's largest effort can't be known before its end.
     bounded = all(np.isfinite(joint.limits.effort) for joint in robot.joints)
     rate = 1 / (2 * TIMESTEP)
@@ -113,9 +114,12 @@ def record_experiment(
     with ExitStack() as stack:
         recorders: list[Recorder] = []
 
-        def each(time: np.ndarray, position: np.ndarray, effort: np.ndarray, facts: dict[str, str]) -> None:
+        def each(
+            time: np.ndarray, position: np.ndarray, effort: np.ndarray, facts: dict[str, str], control: Control
+        ) -> None:
             if not recorders:
                 told = provenance(robot, noise, seed, rate, facts)
+                attachments = attached | control.attachments()
                 recording_ = recording(path, robot.joint_names, metadata=told, attachments=attachments)
                 recorders.append(stack.enter_context(recording_))
             measured, velocity, measured_effort = sensors.read(position, effort)
@@ -131,7 +135,7 @@ def record_experiment(
         if recorders and run.findings:
             recorders[0].note(findings_entry(run.findings))
     if not bounded:
-        write_mcap(measure(run, noise, seed, robot), path, attachments)
+        write_mcap(measure(run, noise, seed, robot), path, attached)
     _save_truth(truth(robot, noise, seed, run.facts, load), path)
     tell(1.0, "log")
 

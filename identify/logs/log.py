@@ -11,6 +11,12 @@ import numpy as np
 START_TIME = "start_time_ns"
 """Key in `Log.metadata` of the first sample's absolute time, Unix time [ns], where it is known."""
 
+MOTION_START = "motion_start_s"
+"""Key in `Log.metadata` of the time [s] at which the attached trajectory started, where it is not 0."""
+
+KEPT = ("trajectory.toml", "feedforward.npy")
+"""Attachments of a recording that say how its motion was commanded; a log carries them along, and no others."""
+
 
 @dataclass(frozen=True)
 class Log:
@@ -21,7 +27,8 @@ class Log:
     in the order of the columns. `source` is the file it came from, `sha256` that file's digest.
     `findings`: sentences on what was found wrong with the recording and what was done about it.
     `metadata`: provenance as strings; a simulated log says `simulated` = "true". `dropped`: rows left out
-    while reading, because they were not finite or their time did not run forward.
+    while reading, because they were not finite or their time did not run forward. `attachments`: those of KEPT that the
+    recording has, name → content.
     """
 
     time: np.ndarray
@@ -34,6 +41,7 @@ class Log:
     findings: tuple[str, ...] = ()
     metadata: dict[str, str] = field(default_factory=dict)
     dropped: int = 0
+    attachments: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:

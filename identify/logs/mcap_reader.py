@@ -19,7 +19,7 @@ from identify.logs.damage import Damage, describe
 from identify.logs.joint_blocks import blocks_of
 from identify.logs.joint_messages import KNOWN, UNCERTAIN, Kind, kind_of
 from identify.logs.joint_series import Block, Series
-from identify.logs.log import START_TIME, Log
+from identify.logs.log import KEPT, START_TIME, Log
 from identify.logs.mcap_writer import PROVENANCE, TOPIC
 from identify.logs.slicing import no_such_joint
 from identify.logs.wording import counted, listed, printable
@@ -119,6 +119,7 @@ def read_files(
         str(source),
         findings=(*told, *findings),
         metadata=provenance,
+        attachments={name: found.attachments[name] for name in KEPT if name in found.attachments},
     )
     return Recording(log, found.attachments, found.metadata, found.topics)
 

@@ -60,8 +60,8 @@ def write_mcap(
 ) -> None:
     """Write a log to an MCAP file, replacing it whole or not at all.
 
-    attachments: name → content (the robot's TOML, the settings). start_ns: absolute time of t = 0 [ns];
-    by default what `log.metadata` says, else DEFAULT_START_NS. Times are kept to the nanosecond, numbers
+    attachments: name → content (the robot's TOML, the settings), beside those of the log. start_ns: absolute time of
+    t = 0 [ns]; by default what `log.metadata` says, else DEFAULT_START_NS. Times are kept to the nanosecond, numbers
     bit by bit. The same input makes the same bytes. Raises OutputError where the file can't be written.
     """
     if log.samples == 0 or not log.joints:
@@ -69,7 +69,8 @@ def write_mcap(
     channels = [name for name in ("velocity", "effort") if getattr(log, name) is not None]
     # Not by way of path + ".partial", which may be what the log was read from.
     with replacing(path) as stream:
-        recorder = _started(stream, path, log.joints, channels, log.metadata, attachments, start_ns)
+        attached = {**(attachments or {}), **log.attachments}
+        recorder = _started(stream, path, log.joints, channels, log.metadata, attached, start_ns)
         recorder.append(log.time, log.position, log.velocity, log.effort)
         recorder.close()
 

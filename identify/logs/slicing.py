@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from identify.errors import LogError
-from identify.logs.log import START_TIME, Log
+from identify.logs.log import MOTION_START, START_TIME, Log
 from identify.logs.wording import listed
 
 
@@ -45,12 +45,14 @@ def window(log: Log, start: float | None = None, stop: float | None = None) -> L
 
 
 def counted_from(log: Log, origin: float) -> Log:
-    """The log with time counted from `origin` [s]; its absolute start, where it is known, moves along."""
+    """The log with time counted from `origin` [s]; its start, and that of its motion, move along where known."""
     if origin == 0:
         return log
     metadata = dict(log.metadata)
     if START_TIME in metadata:
         metadata[START_TIME] = str(int(metadata[START_TIME]) + round(origin * 1e9))
+    if log.attachments:
+        metadata[MOTION_START] = repr(float(metadata.get(MOTION_START, "0")) - origin)
     return replace(log, time=log.time - origin, metadata=metadata)
 
 

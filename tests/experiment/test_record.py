@@ -42,9 +42,11 @@ def test_the_log_written_on_the_way_is_the_one_made_at_the_end(
         assert np.array_equal(getattr(back, name), getattr(log, name))
     assert {key: value for key, value in back.metadata.items() if key != "start_time_ns"} == log.metadata
     assert ("findings" in back.metadata) == findings
+    assert back.attachments == log.attachments
     assert read_mcap(path).attachments == {
         "robot.toml": write_toml(robot).encode(),
         "trajectory.toml": motion.to_toml().encode(),
+        "feedforward.npy": log.attachments["feedforward.npy"],
     }
     assert digest(path) in truth_path(path).read_text(encoding="utf-8")
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["run.mcap", "run.truth.json"]
@@ -65,14 +67,14 @@ def test_a_simulation_that_is_killed_leaves_what_it_had_and_the_old_log(tmp_path
     old = {name.name: name.read_bytes() for name in tmp_path.iterdir()}
     arguments = ["simulate", "robot.toml", "--trajectory", "motion.toml", "-o", "run.mcap", "--force", "--seed", "3"]
     with subprocess.Popen([sys.executable, "-m", "identify.cli.main", *arguments], cwd=tmp_path) as run:
-        while run.poll() is None and not (partial_path(path).exists() and partial_path(path).stat().st_size > 100_000):
+        while run.poll() is None and not (partial_path(path).exists() and partial_path(path).stat().st_size > 900_000):
             time.sleep(0.001)
         os.kill(run.pid, signal.SIGKILL)
     assert run.returncode == -signal.SIGKILL
     left = {entry.name: entry.read_bytes() for entry in tmp_path.iterdir()}
     partial = left.pop(partial_path(path).name)
     assert left == old
-    assert len(partial) > 100_000
+    assert len(partial) > 900_000
     log = read_log(partial_path(path))
     assert 700 < log.samples < 24_000
     assert log.simulated

@@ -87,9 +87,9 @@ def test_log_comes_back_from_disk_with_its_attachments(tmp_path: Path) -> None:
     assert back.simulated
     assert back.metadata["velocity"] == log.metadata["velocity"]
     with open(path, "rb") as stream:
-        attached = {entry.name: entry.data.decode() for entry in make_reader(stream).iter_attachments()}
-    assert attached["robot.toml"] == write_toml(robot)
-    assert Trajectory.from_toml(attached["trajectory.toml"]).to_toml() == motion.to_toml()
+        attached = {x.name: x.data for x in make_reader(stream).iter_attachments()}
+    assert attached["robot.toml"] == write_toml(robot).encode()
+    assert Trajectory.from_toml(attached["trajectory.toml"].decode()).to_toml() == motion.to_toml()
 
 
 def test_nothing_is_replaced_unasked(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from identify.errors import UnsupportedLogError
 from identify.estimation.least_squares import Estimate, rows_per_effective_sample, scaled_solution
+from identify.estimation.noise import noise_of_rows
 from identify.estimation.observation import END_S, Signals, signal_pieces
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
@@ -76,7 +77,7 @@ def energy_least_squares(observation: EnergyObservation) -> Estimate:
     """Weighted least squares over the windows: a row's variance is c0 + Σ_j c_j ∫ q̇_j² dt, with c ≥ 0 fitted to the
     squared residuals of the pass before (feasible generalised least squares)."""
     w, y = observation.matrix, observation.work
-    rows, p = w.shape
+    rows = len(w)
     variance = np.ones(rows)
     for _ in range(PASSES + 1):
         root = np.sqrt(variance)
@@ -84,18 +85,18 @@ def energy_least_squares(observation: EnergyObservation) -> Estimate:
         residual = y - w @ parameters
         variance = row_variance(observation, residual, variance)
         whitened = residual / root
-    spread = np.sqrt(whitened @ whitened / max(rows - p, 1))
     inflation = rows_per_effective_sample(whitened, observation.rate)
-    covariance = inverse * spread**2 * inflation
+    noise = noise_of_rows(inverse, w / root[:, None], whitened, observation.rate)
     return Estimate(
         names=observation.names,
         parameters=parameters,
-        covariance=covariance,
+        covariance=noise.covariance,
         condition_number=condition,
         sigma=np.array([np.sqrt(np.mean(residual**2))]),
         inflation=np.array([inflation]),
         rows=rows,
         effective_samples=rows / inflation,
+        noise=noise,
     )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from identify.errors import UnsupportedLogError
+from identify.estimation.noise import Noise, coloured_noise
 from identify.estimation.reduction import Reduction
 
 SINGULAR = 1e-10
@@ -24,7 +25,7 @@ class Estimate:
     parameters, std (p,); covariance (p, p); condition_number of the column-scaled matrix that was solved;
     sigma (groups,) residual standard deviation of each group of rows (joints; one group for energy) in the unit of
     its rows; inflation (groups,): rows per effective sample; rows, effective_samples: how many equations, and how many
-    of them count as independent.
+    of them count as independent; noise: what is known of the rows' noise, None where nothing is.
     """
 
     names: tuple[str, ...]
@@ -35,6 +36,7 @@ class Estimate:
     inflation: np.ndarray
     rows: int
     effective_samples: float
+    noise: Noise | None = None
 
     @property
     def std(self) -> np.ndarray:
@@ -82,18 +84,18 @@ def estimate_of(reduction: Reduction, weights: np.ndarray, residual: Residual) -
     left = residual(parameters)
     sigma = _sigma(reduction, (left**2).sum(axis=0))
     inflation = np.array([rows_per_effective_sample(r, reduction.rate) for r in np.ascontiguousarray(left.T)])
-    # Sandwich: a joint's rows were weighted by x², have variance sigma² and count once in `inflation`.
-    triangles = reduction.factors[:, :, :-1]
-    middle = np.einsum("j,jrk,jrl->kl", weights**4 * sigma**2 * inflation, triangles, triangles, optimize=True)
+    assert reduction.spectra is not None
+    noise = coloured_noise(inverse, weights, reduction.spectra, left, reduction.weight, reduction.rate)
     return Estimate(
         names=reduction.names,
         parameters=parameters,
-        covariance=inverse @ middle @ inverse,
+        covariance=noise.covariance,
         condition_number=condition,
         sigma=sigma,
         inflation=inflation,
         rows=reduction.equations,
         effective_samples=float((reduction.weight.sum(axis=0) / inflation).sum()),
+        noise=noise,
     )
 
 

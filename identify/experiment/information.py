@@ -8,20 +8,17 @@ columns are pulled back by hand. Coulomb friction has a smooth sign here, so tha
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.linalg import inv, qr
 
+from identify.experiment.entries import Entries, Motion
 from identify.regressor.columns import COUPLED, OWN
-from identify.regressor.kernel import Kernel
 from identify.regressor.regressor import Regressor
-from identify.symbolic.chain import input_symbols
 from identify.symbolic.energy import energy_regressor
-from identify.symbolic.expression import Graph, Scalar, gradient
+from identify.symbolic.expression import Graph
 from identify.symbolic.newton_euler import torque_regressor
-from identify.symbolic.printing import compiled
 
 RIDGE = 1e-6
 """Weight of the row that is added for each column, of size 1: parameters that no motion excites then cost a constant
@@ -33,19 +30,20 @@ STILL = 1e-2
 DISTINCT = 1e-10
 """Smallest singular value of column-scaled rows, as a share of the largest, that counts as information."""
 
-Motion = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""q, q̇, q̈, or the derivatives of a number with respect to them, each (n, N): samples along memory."""
 
-
-def log_variance(columns: np.ndarray, reference: np.ndarray) -> tuple[float, np.ndarray]:
+def log_variance(
+    columns: np.ndarray, reference: np.ndarray, known: np.ndarray | None = None
+) -> tuple[float, np.ndarray]:
     """What the estimate from an observation matrix A is worth, the smaller the better, and its derivative (p, K).
 
-    columns (p, K): A transposed. −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters
-    (D-optimal), which no scaling of the columns changes but for a constant, plus the log of the mean variance of
-    what they predict on the reference rows R (V-optimal; Atkinson & Donev 1992).
+    columns (p, K): A transposed. known (r, p): rows that stand for what is known already, and count as A's.
+    −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters (D-optimal), which no scaling of
+    the columns changes but for a constant, plus the log of the mean variance of what they predict on the reference
+    rows R (V-optimal; Atkinson & Donev 1992).
     """
     p = len(columns)
-    root = inv(qr(np.concatenate([columns, RIDGE * np.eye(p)], axis=1).T, mode="r"))
+    rows = [columns.T, RIDGE * np.eye(p)] + ([] if known is None else [known])
+    root = inv(qr(np.concatenate(rows), mode="r"))
     predicted = reference @ root
     total = float(np.sum(predicted**2))
     # AᵀA = (root·rootᵀ)⁻¹
@@ -119,18 +117,18 @@ class JointTerms:
 class TorqueModel:
     """The torque regressor along N samples, transposed, and what a sum over its entries is worth to the motion.
 
-    weight (n,): what each joint's rows should count, 1/σ with σ proportional to its effort limit.
+    noise (n,): σ of each joint's effort, or what it is proportional to; rows count 1/σ, its `weight`.
     """
 
-    def __init__(self, regressor: Regressor, samples: int, width: np.ndarray) -> None:
+    def __init__(self, regressor: Regressor, samples: int, width: np.ndarray, noise: np.ndarray) -> None:
         robot, kept = regressor.robot, regressor.base.kept
         self.p = regressor.p
         self.terms = JointTerms.of(regressor, width)
-        self.weight = 1.0 / noise_scale(regressor)
+        self.weight = 1.0 / noise
         graph = Graph()
         column = {standard: at for at, standard in enumerate(kept)}
         entries = {(i, column[c]): e for (i, c), e in torque_regressor(graph, robot, kept).items()}
-        self._entries = _Entries(graph, entries, robot.n, ("q", "dq", "ddq"), samples)
+        self._entries = Entries(graph, entries, robot.n, ("q", "dq", "ddq"), samples)
 
     def columns(self, motion: Motion) -> np.ndarray:
         """(p, n, N) with smooth signs."""
@@ -158,23 +156,31 @@ class EnergyModel:
     """The energy model's rows over windows of `every` samples of one period: Δh and the work of friction and offset.
 
     The period is closed: the last window ends at its first sample. A row counts 1/σ, σ² the variance that white
-    noise on the effort, of σ_j proportional to the effort limits, leaves in its work, and STILL of the largest.
+    noise on the effort leaves in its work, and STILL of the largest, in units of the largest there can be: `loudest`,
+    that of a window with every joint at its `velocity` (n,) where noise (n,) is the root of the density [effort²·s].
     """
 
     def __init__(
-        self, regressor: Regressor, samples: int, every: int, step: float, width: np.ndarray, velocity: np.ndarray
+        self,
+        regressor: Regressor,
+        samples: int,
+        every: int,
+        step: float,
+        width: np.ndarray,
+        velocity: np.ndarray,
+        noise: np.ndarray,
     ) -> None:
         if samples % every:
             raise ValueError(f"{samples} samples don't divide into windows of {every}")
         robot, kept = regressor.robot, regressor.base.kept
         self.p, self.every, self.step = regressor.p, every, step
         self.terms = JointTerms.of(regressor, width)
-        noise = noise_scale(regressor) ** 2
-        self.noise = noise / (noise @ velocity**2 * every * step)
+        self.loudest = float(noise**2 @ velocity**2 * every * step)
+        self.noise = noise**2 / self.loudest
         graph = Graph()
         functions = energy_regressor(graph, robot)
         entries = {(0, at): functions[c] for at, c in enumerate(kept)}
-        self._entries = _Entries(graph, entries, robot.n, ("q", "dq"), samples)
+        self._entries = Entries(graph, entries, robot.n, ("q", "dq"), samples)
 
     def columns(self, motion: Motion) -> np.ndarray:
         """(p, K) weighted."""
@@ -226,39 +232,3 @@ class EnergyModel:
         spread = np.repeat(to_work, self.every, axis=1)
         spread[:, :: self.every] = 0.5 * (to_work + np.roll(to_work, 1, axis=1))
         return spread * self.step
-
-
-def noise_scale(regressor: Regressor) -> np.ndarray:
-    """(n,) size of the noise expected on each joint's effort: its effort limit, 1 where that is infinite."""
-    effort = np.array([joint.limits.effort for joint in regressor.robot.joints])
-    return np.where(np.isfinite(effort), effort, 1.0)
-
-
-class _Entries:
-    """Generated code for the entries of a matrix along `samples` samples, and for its reverse-mode derivative."""
-
-    def __init__(
-        self, graph: Graph, entries: Mapping[tuple[int, int], Scalar], n: int, inputs: Sequence[str], samples: int
-    ) -> None:
-        kernel = Kernel(graph, entries, n, inputs)
-        self.row, self.column, self.n = kernel.row, kernel.column, n
-        self._forward, forward_rows = compiled("entries", kernel.inputs, kernel.outputs)
-        weights = [graph.symbol(f"weight{k}") for k in range(len(kernel.outputs))]
-        names = kernel.inputs | {f"weight{k}": kernel.signals + k for k in range(len(weights))}
-        derivative = gradient(kernel.outputs, weights, input_symbols(graph, n, *inputs))
-        self._reverse, reverse_rows = compiled("derivative", names, derivative)
-        rows = (len(names), len(weights), kernel.signals, forward_rows, reverse_rows)
-        self._inputs, self._values, self._derivative, *self._work = (np.empty((count, samples)) for count in rows)
-
-    def values(self, motion: Sequence[np.ndarray]) -> np.ndarray:
-        """(entries, N), in a buffer that the next call uses again."""
-        inputs = self._inputs[: len(self._derivative)]
-        np.concatenate(motion, out=inputs)
-        self._forward(inputs, self._values, self._work[0])
-        return self._values
-
-    def pull_back(self, motion: Sequence[np.ndarray], weights: np.ndarray) -> list[np.ndarray]:
-        """Derivatives (n, N) of Σ weights·entries, weights (entries, N), with respect to each signal."""
-        np.concatenate([*motion, weights], out=self._inputs)
-        self._reverse(self._inputs, self._derivative, self._work[1])
-        return [self._derivative[at : at + self.n].copy() for at in range(0, len(self._derivative), self.n)]

@@ -76,7 +76,8 @@ class Joint:
 
     `parent` is the index of the parent joint in the robot, -1 for the base. `theta` (revolute) or `r`
     (prismatic) is the constant part of the variable: θ = q + theta. `symbols` names the lengths that
-    symbolic models keep as letters, as (parameter, letter) pairs.
+    symbolic models keep as letters, as (parameter, letter) pairs. radius [m]: of a capsule around the link, None where
+    it is not known.
     """
 
     name: str
@@ -92,6 +93,7 @@ class Joint:
     limits: Limits = field(default_factory=Limits)
     link: Link = field(default_factory=Link)
     drive: Drive = field(default_factory=Drive)
+    radius: float | None = None
 
     @property
     def revolute(self) -> bool:
@@ -140,7 +142,8 @@ class Robot:
 
     gravity (3,) acceleration 0g in R_0 [m/s²]; base (4, 4) places R_0 in the world (Z of [2.10]) and
     tool (4, 4) the tool in the last frame (E of [2.10]). `source` says where the description came from,
-    `note` what its reader must know (that numbers are not measured, say).
+    `note` what its reader must know (that numbers are not measured, say). floor: height in the world that no link may
+    reach down to [m], None where it is not known.
     """
 
     name: str
@@ -151,6 +154,7 @@ class Robot:
     transmission: Transmission | None = None
     source: str = ""
     note: str = ""
+    floor: float | None = None
 
     @property
     def n(self) -> int:

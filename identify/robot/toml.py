@@ -29,9 +29,9 @@ TYPES = (REVOLUTE, PRISMATIC, FIXED)
 GEOMETRY = ("gamma", "b", "alpha", "d", "theta", "r")
 LENGTHS = ("b", "d", "r")
 BASE = "base"
-ROBOT_KEYS = ("name", "note", "gravity", "base", "tool", "joint", "transmission")
+ROBOT_KEYS = ("name", "note", "gravity", "base", "tool", "floor", "joint", "transmission")
 FIXED_KEYS = ("name", "type", "parent", *GEOMETRY, "link")
-JOINT_KEYS = (*FIXED_KEYS, "symbols", "limits", "drive")
+JOINT_KEYS = (*FIXED_KEYS, "symbols", "limits", "drive", "radius")
 
 
 def read_toml(text: str | Path, source: str = "") -> Robot:
@@ -71,6 +71,7 @@ def read_toml(text: str | Path, source: str = "") -> Robot:
         transmission=_transmission(data["transmission"], joints, source) if "transmission" in data else None,
         source=source,
         note=checks.text(data["note"], f"{source}: note", LONGEST_NOTE) if "note" in data else "",
+        floor=checks.number(data["floor"], f"{source}: floor") if "floor" in data else None,
     )
 
 
@@ -147,6 +148,7 @@ def _joint(item: dict[str, Any], name: str, kind: str, where: str) -> Joint:
         limits=_limits(item.get("limits", {}), f"{where}: limits"),
         link=_link(item.get("link", {}), f"{where}: link"),
         drive=_drive(item.get("drive", {}), f"{where}: drive"),
+        radius=_radius(item, f"{where}: radius"),
     )
 
 
@@ -184,6 +186,10 @@ def _drive(value: Any, where: str) -> Drive:
         read = checks.number(raw, f"{where}.{key}")
         given[key] = read if key == "offset" else checks.not_negative(read, f"{where}.{key}")
     return Drive(**given)
+
+
+def _radius(item: dict[str, Any], where: str) -> float | None:
+    return checks.positive(checks.number(item["radius"], where), where) if "radius" in item else None
 
 
 def _three(value: Any, where: str) -> tuple[float, float, float]:

@@ -22,6 +22,8 @@ def write_toml(robot: Robot) -> str:
         lines.append(f"note = {_value(robot.note)}")
     lines.append(f"gravity = {_value(robot.gravity)}")
     lines += [f"{key} = {_placed(getattr(robot, key))}" for key in ("base", "tool") if getattr(robot, key) != IDENTITY]
+    if robot.floor is not None:
+        lines.append(f"floor = {_value(robot.floor)}")
     for i, joint in enumerate(robot.joints):
         lines += ["", "[[joint]]", *_joint(robot, i, joint)]
     if robot.transmission:
@@ -55,6 +57,8 @@ def _joint(robot: Robot, i: int, joint: Joint) -> Iterable[str]:
     for key in ("limits", "link", "drive"):
         if given := _given(getattr(joint, key)):
             yield f"{key} = {_inline(given)}"
+    if joint.radius is not None:
+        yield f"radius = {_value(joint.radius)}"
 
 
 def _given(part: Any) -> list[tuple[str, Any]]:

@@ -10,21 +10,22 @@ import pytest
 from chains import random_chain
 from numpy.testing import assert_allclose
 
-from identify.experiment.design import one_period
+from identify.experiment.entries import Motion
+from identify.experiment.fourier import one_period
 from identify.experiment.information import (
     EnergyModel,
-    Motion,
     TorqueModel,
     log_variance,
-    noise_scale,
     reference_factor,
     scaled_condition,
 )
+from identify.experiment.knowledge import assumed, noise_scale
 from identify.experiment.trajectory import random_trajectory
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Limits, Robot, Transmission
 
 SAMPLES, EVERY = 120, 3
+NOISE = np.array([100.0, 60.0, 100.0])
 
 
 def coupled_robot(effort: float = 60.0) -> Robot:
@@ -50,8 +51,8 @@ def test_columns_are_those_of_the_run_time_regressor_but_for_the_sign() -> None:
     assert {"Iam3", "Fvm3", "Fsm3", "off1"} <= set(regressor.names)
     (q, dq, ddq), step = motion_of(robot)
     width = np.array([0.3, 0.05, 0.4])
-    torque = TorqueModel(regressor, SAMPLES, width).columns((q, dq, ddq))
-    energy = EnergyModel(regressor, SAMPLES, EVERY, step, width, np.ones(3)).unweighted((q, dq, ddq))[0]
+    torque = TorqueModel(regressor, SAMPLES, width, NOISE).columns((q, dq, ddq))
+    energy = EnergyModel(regressor, SAMPLES, EVERY, step, width, np.ones(3), NOISE).unweighted((q, dq, ddq))[0]
     ratios = np.array([12.0, -40.0, 25.0]) / 25.0
 
     def smooth(speed: np.ndarray) -> np.ndarray:
@@ -78,18 +79,19 @@ def test_energy_rows_are_weighted_by_the_noise_that_the_work_takes_from_the_effo
     regressor = Regressor(robot)
     motion, step = motion_of(robot)
     fastest = np.array([3.0, 2.0, 4.0])
-    model = EnergyModel(regressor, SAMPLES, EVERY, step, np.full(3, 0.1), fastest)
+    model = EnergyModel(regressor, SAMPLES, EVERY, step, np.full(3, 0.1), fastest, NOISE)
     columns, variance = model.unweighted(motion)
     assert_allclose(model.columns(motion) * np.sqrt(variance), columns, rtol=1e-12)
-    sigma = np.array([100.0, 60.0, 100.0])
     closed = np.concatenate([motion[1], motion[1][:, :1]], axis=1)
-    heat = [sigma**2 @ np.trapezoid(closed[:, a : a + EVERY + 1] ** 2, dx=step) for a in range(0, SAMPLES, EVERY)]
-    assert_allclose(variance, 0.01 + np.array(heat) / (sigma**2 @ fastest**2 * EVERY * step), rtol=1e-12)
+    heat = [NOISE**2 @ np.trapezoid(closed[:, a : a + EVERY + 1] ** 2, dx=step) for a in range(0, SAMPLES, EVERY)]
+    assert_allclose(variance, 0.01 + np.array(heat) / (NOISE**2 @ fastest**2 * EVERY * step), rtol=1e-12)
 
 
 def test_effort_noise_follows_the_effort_limits_where_there_are_any() -> None:
-    assert_allclose(noise_scale(Regressor(coupled_robot(effort=60.0))), [100.0, 60.0, 100.0])
-    assert_allclose(noise_scale(Regressor(coupled_robot(effort=float("inf")))), [100.0, 1.0, 100.0])
+    assert_allclose(noise_scale(coupled_robot(effort=60.0)), [100.0, 60.0, 100.0])
+    assert_allclose(noise_scale(coupled_robot(effort=float("inf"))), [100.0, 1.0, 100.0])
+    # a thousandth of the limit at 1 kHz: what is left of it averaged over a second
+    assert_allclose(np.sqrt(assumed(coupled_robot()).density), np.array([0.1, 0.06, 0.1]) / np.sqrt(1000))
 
 
 @pytest.mark.parametrize("model", ["torque", "energy"])
@@ -98,9 +100,9 @@ def test_what_is_pulled_back_is_the_derivative(model: str) -> None:
     motion, step = motion_of(robot)
     regressor, width = Regressor(robot), np.array([0.3, 0.1, 0.4])
     made: TorqueModel | EnergyModel = (
-        TorqueModel(regressor, SAMPLES, width)
+        TorqueModel(regressor, SAMPLES, width, NOISE)
         if model == "torque"
-        else EnergyModel(regressor, SAMPLES, EVERY, step, width, np.array([3.0, 2.0, 4.0]))
+        else EnergyModel(regressor, SAMPLES, EVERY, step, width, np.array([3.0, 2.0, 4.0]), NOISE)
     )
     rng = np.random.default_rng(0)
     adjoint = rng.standard_normal(made.columns(motion).shape)
@@ -129,6 +131,15 @@ def test_criterion_is_log_determinant_plus_log_predicted_variance_with_its_deriv
     along = rng.standard_normal(columns.shape)
     numeric = central(lambda by: log_variance(columns + by * along, reference)[0], 1e-4)
     assert np.sum(derivative * along) == pytest.approx(numeric, rel=1e-8)
+
+
+def test_what_is_known_counts_as_so_many_more_rows() -> None:
+    rng = np.random.default_rng(5)
+    columns, earlier, reference = rng.standard_normal((6, 30)), rng.standard_normal((6, 12)), np.eye(6)
+    value, derivative = log_variance(columns, reference, earlier.T)
+    together, its = log_variance(np.concatenate([columns, earlier], axis=1), reference)
+    assert value == pytest.approx(together, rel=1e-12)
+    assert_allclose(derivative, its[:, :30], rtol=1e-9, atol=1e-12)
 
 
 def test_units_of_the_parameters_only_shift_the_criterion() -> None:

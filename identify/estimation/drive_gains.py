@@ -134,7 +134,10 @@ def _start(sides: Sequence[_Side], scale: np.ndarray) -> tuple[np.ndarray, np.nd
             own[:, j] = factor[:, -1]
             rows.append(np.hstack([-factor[:, :-1] @ side.mixing, own]) / scale[j])
             right.append(factor[:, :-1] @ side.fixed / scale[j])
-    found, _, _, silent = _solution(np.vstack(rows), np.concatenate(right))
+    known = np.concatenate(right)
+    if not known.any():
+        raise UnsupportedLogError("the motion can't tell the drive gains: nothing of the load's mass is felt in it")
+    found, _, _, silent = _solution(np.vstack(rows), known)
     _refuse_silent(silent[-n:])
     if (found[-n:] <= 0).any():
         raise UnsupportedLogError("the effort of a joint works against the motion of the arm: is its sign right?")

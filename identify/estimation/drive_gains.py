@@ -30,6 +30,7 @@ from identify.estimation.payload import (
 )
 from identify.estimation.reduction import Reduction, reduced
 from identify.estimation.settings import Settings
+from identify.estimation.spectra import Spectra, coloured_covariance
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 
@@ -89,12 +90,12 @@ def drive_gains(
     for _ in range(PASSES):
         spread = FRICTION_CHANGE * np.maximum(friction_scales(regressor, x[:p], freed), 1e-9)
         x, h, root, condition, silent = _refined(sides, x, h, 1 / (deviation * np.sqrt(inflation)), spread, p)
-        deviation, inflation, effective = _noise(regressor, settings, sides, x, h)
+        deviation, inflation, effective, lefts = _noise(regressor, settings, sides, x, h)
     if np.abs(silent[-n:]).max(initial=0.0) > 1e-6:
         raise UnsupportedLogError(
             "the motion can't tell the drive gains: move every joint, without the load and with it"
         )
-    covariance = root @ root.T
+    covariance = _covariance(sides, x, h, root, 1 / (deviation * np.sqrt(inflation)), lefts)
     gains, deviations = 1 / h, np.sqrt(np.diag(covariance))
     untold, units = _untold(silent[p + f : -n])
     load = LoadEstimate(
@@ -189,8 +190,9 @@ def _solution(rows: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 def _noise(
     regressor: Regressor, settings: Settings, sides: Sequence[_Side], x: np.ndarray, h: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """(n,) standard deviation of the logged effort's residual, (n,) rows per effective sample, effective samples."""
+) -> tuple[np.ndarray, np.ndarray, float, list[np.ndarray]]:
+    """(n,) standard deviation of the logged effort's residual, (n,) rows per effective sample, effective samples, and
+    the residuals (rows, n) of each side."""
     lefts, counts, inflations = [], [], []
     for side in sides:
         theta = side.fixed + side.mixing @ x
@@ -203,7 +205,36 @@ def _noise(
     freedom = np.maximum(count - (len(x) + len(h)) / len(h), 1.0)
     deviation = np.maximum(np.sqrt((np.concatenate(lefts) ** 2).sum(axis=0) / freedom), 1e-12)
     inflation = np.max(inflations, axis=0)
-    return deviation, inflation, float((count / inflation).sum())
+    return deviation, inflation, float((count / inflation).sum()), lefts
+
+
+def _covariance(
+    sides: Sequence[_Side],
+    x: np.ndarray,
+    h: np.ndarray,
+    root: np.ndarray,
+    weights: np.ndarray,
+    lefts: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Covariance of x and h, for noise of the colour that the residuals (rows, n) of each side have."""
+    n = len(h)
+    middle = np.eye(root.shape[1])
+    for side, left in zip(sides, lefts, strict=True):
+        spectra = side.reduction.spectra
+        assert spectra is not None
+        theta = side.fixed + side.mixing @ x
+        for j in range(n):
+            # What the unknowns change in W_j's parameters, through the roots of their own spread.
+            reached = h[j] * side.mixing @ root[:-n] + np.outer(theta, root[len(x) + j])
+            own = Spectra(spectra.products[j : j + 1], spectra.stretches)
+            counted = side.reduction.weight[:, j : j + 1]
+            inverse, weight = reached @ reached.T, weights[j : j + 1]
+            variance = coloured_covariance(inverse, weight, own, left[:, j : j + 1], counted)[1][0]
+            coloured = weights[j] ** 4 * np.tensordot(variance, own.products[0], 1)
+            rows = weights[j] * side.reduction.factors[j, :, :-1] @ reached
+            # All that is known makes one; the rows' share of it gives way to what their noise makes of it.
+            middle += reached.T @ coloured @ reached - rows.T @ rows
+    return root @ middle @ root.T
 
 
 def calibrated(log: Log, gains: np.ndarray) -> Log:

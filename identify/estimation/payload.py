@@ -23,6 +23,7 @@ from identify.estimation.least_squares import rows_per_effective_sample
 from identify.estimation.observation import torque_blocks, torque_residual
 from identify.estimation.reduction import Reduction, reduced
 from identify.estimation.settings import Settings
+from identify.estimation.spectra import coloured_covariance
 from identify.logs.log import Log
 from identify.regressor.columns import TAKING, column_kind
 from identify.regressor.regressor import Regressor
@@ -115,8 +116,8 @@ def estimate_load(unloaded: Unloaded, logs: Sequence[Log], friction: bool = True
     noise = _Noise(np.maximum(np.sqrt((reduction.effort**2).mean(axis=0)), 1e-12), np.ones(regressor.robot.n))
     for _ in range(PASSES):
         solved = problem.solve(reduction, noise.weights)
-        left = torque_residual(regressor, logs, settings, solved.loaded)
-        noise = _Noise.of(reduction, left, TEN + len(problem.freed))
+        remainder = torque_residual(regressor, logs, settings, solved.loaded)
+        noise = _Noise.of(reduction, remainder, TEN + len(problem.freed))
     solved = problem.solve(reduction, noise.weights)
     # Parameters of the log's own, for comparison: those that explain it best, whatever the fit.
     own = _own(*reduction.weighted(noise.weights))[0]
@@ -124,14 +125,16 @@ def estimate_load(unloaded: Unloaded, logs: Sequence[Log], friction: bool = True
     rows, right = reduction.weighted(_Noise.of(reduction, left, regressor.p).weights)
     basis = _own(rows, right)[1]
     excess = float(np.sum((basis.T @ (right - rows @ solved.loaded)) ** 2))
+    covariance = _covariance(problem, solved, reduction, noise.weights, remainder)
+    deviations = np.sqrt(np.diag(covariance))[regressor.p : -TEN]
     return LoadEstimate(
-        parameters=solved.parameters,
-        covariance=solved.covariance,
+        parameters=solved.unknowns[-TEN:],
+        covariance=covariance[-TEN:, -TEN:],
         untold=solved.untold,
         units=solved.units,
         arm=solved.unknowns[: regressor.p],
         change=dict(zip(problem.freed, solved.unknowns[regressor.p : -TEN].tolist(), strict=True)),
-        change_std=dict(zip(problem.freed, solved.spread[regressor.p :].tolist(), strict=True)),
+        change_std=dict(zip(problem.freed, deviations.tolist(), strict=True)),
         loaded=solved.loaded,
         condition_number=solved.condition_number,
         sigma=noise.deviation,
@@ -183,15 +186,13 @@ class _Noise:
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Least squares of one weighting: the load's part as in LoadEstimate; unknowns (p + f + 10,); spread (p + f,):
-    standard deviations of all but the load; loaded (p,); held: what is known beforehand, as it is then off."""
+    """Least squares of one weighting: unknowns (u,) = θ, δ, φ; root (u, k) with root·rootᵀ the inverse of its normal
+    equations; untold and units as in LoadEstimate; loaded (p,); held: what is known beforehand, as it is then off."""
 
-    parameters: np.ndarray
-    covariance: np.ndarray
+    unknowns: np.ndarray
+    root: np.ndarray
     untold: np.ndarray
     units: np.ndarray
-    unknowns: np.ndarray
-    spread: np.ndarray
     loaded: np.ndarray
     condition_number: float
     held: float
@@ -232,32 +233,42 @@ class _Problem:
         scale[scale == 0] = 1.0
         triangle = np.asarray(np.linalg.qr(np.column_stack([matrix / scale, wanted]), mode="r"))
         # The load comes last, so that its rows of the triangle are what is left for it of all that is known.
-        root, side = triangle[p + f : -1, p + f : -1], triangle[p + f : -1, -1]
-        size = np.linalg.norm(root, axis=0)
+        corner, side = triangle[p + f : -1, p + f : -1], triangle[p + f : -1, -1]
+        size = np.linalg.norm(corner, axis=0)
         size[size == 0] = 1.0
-        u, s, vt = np.linalg.svd(root / size)
+        u, s, vt = np.linalg.svd(corner / size)
         kept = s > SILENT * s[0]
         units = 1 / (size * scale[p + f :])
         half = units[:, None] * (vt[kept].T / s[kept])
         load = half @ (u[:, kept].T @ side)
-        others = triangle[: p + f, : p + f]
-        rest = np.linalg.solve(others, triangle[: p + f, -1] - triangle[: p + f, p + f : -1] @ (load * scale[p + f :]))
-        # Errors of the others: their own, and those that the load's bring with them.
-        inverse = np.linalg.inv(others)
-        carried = inverse @ triangle[: p + f, p + f : -1] @ (half * scale[p + f :][:, None])
-        spread = np.sqrt((inverse**2).sum(axis=1) + (carried**2).sum(axis=1)) / scale[: p + f]
+        others, mixed = np.linalg.inv(triangle[: p + f, : p + f]), triangle[: p + f, p + f : -1]
+        rest = others @ (triangle[: p + f, -1] - mixed @ (load * scale[p + f :]))
         unknowns = np.concatenate([rest / scale[: p + f], load])
+        carried = -others @ mixed @ (half * scale[p + f :][:, None])
+        root = np.zeros((len(unknowns), p + f + half.shape[1]))
+        root[: p + f] = np.hstack([others, carried]) / scale[: p + f, None]
+        root[p + f :, p + f :] = half
         return _Solved(
-            parameters=load,
-            covariance=half @ half.T,
+            unknowns=unknowns,
+            root=root,
             untold=vt[~kept].T,
             units=units,
-            unknowns=unknowns,
-            spread=spread,
             loaded=self.mixing @ unknowns,
             condition_number=float(s[0] / s[kept][-1]),
             held=float(np.sum((self.known @ unknowns - self.wanted) ** 2)),
         )
+
+
+def _covariance(
+    problem: _Problem, solved: _Solved, reduction: Reduction, weights: np.ndarray, left: np.ndarray
+) -> np.ndarray:
+    """(u, u) covariance of the unknowns, for noise of the colour that residuals (rows, n) have."""
+    assert reduction.spectra is not None
+    reached = problem.mixing @ solved.root
+    _, variance = coloured_covariance(reached @ reached.T, weights, reduction.spectra, left, reduction.weight)
+    middle = np.einsum("j,jb,jbkl->kl", weights**4, variance, reduction.spectra.products, optimize=True)
+    known = problem.known @ solved.root
+    return solved.root @ (reached.T @ middle @ reached + known.T @ known) @ solved.root.T
 
 
 def root_of_information(covariance: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli import batching, exporting, models
+from identify.cli import batching, comparing, exporting, models
 from identify.cli.places import check_file, check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import UnsupportedLogError
@@ -289,6 +289,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "fit": fit,
     "predict": predict,
     "batch": batching.batch,
+    "compare": comparing.compare,
     "check": check,
     "report": report,
     "model": models.model,

@@ -86,6 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         _fit,
         _predict,
         _batch,
+        _compare,
         _check,
         _report,
         _model,
@@ -268,6 +269,22 @@ def _batch(commands: Any) -> None:
     fitting(command, "every result", "; with it, tables count as logs")
     estimator(command)
     command.add_argument("--jobs", type=count, metavar="N", help="logs to fit at once (default: as many as cores)")
+    as_json(command)
+
+
+def _compare(commands: Any) -> None:
+    command = _command(
+        commands,
+        "compare",
+        "hold two results of one robot against each other",
+        "Which joints' friction and which parameters changed by more than chance, and which result predicts better:\n"
+        "the same robot months apart, or one log fitted in two ways. Prints a summary; -o writes a page with curves.",
+        "identify compare march april -o compared.html",
+    )
+    command.add_argument("first", metavar="DIR", help="result folder of `identify fit`, called A")
+    command.add_argument("second", metavar="DIR", help="another one of the same robot, called B")
+    command.add_argument("-o", "--output", metavar="PAGE.html", type=path, help="page to write")
+    command.add_argument("--force", action="store_true", help="replace PAGE.html where it exists")
     as_json(command)
 
 

@@ -21,6 +21,13 @@ MARKS = {
     "identified": "dot",
     "weak": "half",
     "not determined": "ring",
+    "CHANGED": "warn",
+    "NO CHANGE SEEN": "met",
+    "changed": "warn",
+    "no change": "met",
+    "not tested": "open",
+    "A BETTER": "dot",
+    "B BETTER": "dot",
 }
 
 SPRITE = """<svg class="sprite" aria-hidden="true">

@@ -1,0 +1,50 @@
+"""The friction that a record gives a joint, over the velocity at which the joint slides on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from identify.estimation.identification import FRICTION
+from identify.numbers import finite
+from identify.regressor.columns import smooth_sign
+from identify.regressor.friction import SLIDING_ON
+
+LETTERS = dict(FRICTION)
+
+
+def fitted_terms(row: Mapping[str, Any]) -> dict[str, float]:
+    """Estimates of a joint's friction by the keys of FRICTION; row: that joint's entry in the record. What was not
+    fitted is left out."""
+    found = {}
+    for key in LETTERS:
+        entry = row.get(key)
+        value = finite(entry.get("estimate")) if isinstance(entry, Mapping) else None
+        if value is not None:
+            found[key] = value
+    return found
+
+
+def friction_columns(keys: Sequence[str], settings: Mapping[str, Any] | None) -> Callable[[np.ndarray], np.ndarray]:
+    """A function of velocities (N,) that gives (N, k) friction per unit of each parameter of `keys`.
+
+    Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63] + Fc·sign(q̇)·|q̇|^⅓ + Fp·sign(q̇), s the sign or the smooth sign of the
+    settings: friction of a joint that slides on, where presliding has come to its end.
+    """
+    settings = settings or {}
+    width = finite(settings.get("coulomb_velocity"))
+    sign = smooth_sign(width) if settings.get("coulomb_form") == "smooth sign" and width else np.sign
+    laws: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "viscous": lambda v: v,
+        "coulomb": sign,
+        "offset": np.ones_like,
+        **SLIDING_ON,
+    }
+
+    def columns(velocity: np.ndarray) -> np.ndarray:
+        velocity = np.asarray(velocity, dtype=float)
+        return np.stack([laws[key](velocity) for key in keys], axis=-1).reshape(len(velocity), len(keys))
+
+    return columns

@@ -168,7 +168,7 @@ def _caption(row: Mapping[str, Any]) -> str:
     names = [set(forms) for forms in row["forms"]]
     alone = [(side, names[k] - names[1 - k]) for k, side in enumerate("AB")]
     told = [f"{', '.join(sorted(own))} in {side} alone" for side, own in alone if own]
-    return f"{word}: {'; '.join(told)}".replace("_", " ")
+    return f"{word}: {'; '.join(told) or 'forms with other constants'}".replace("_", " ")
 
 
 def _parameters(comparison: Comparison) -> Section:

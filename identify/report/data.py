@@ -17,6 +17,7 @@ DONE = (
     ("decimated_rate_hz", "Rows were then kept at {} Hz"),
     ("window_s", "Energy was balanced over windows of {} s"),
     ("presliding_distance", "Presliding friction turns over within a few times {} rad (m where a joint slides)"),
+    ("stribeck_velocity", "Of Stribeck friction 1/e is left at {} rad/s (m/s where a joint slides)"),
     ("still_rad_s", "A joint counts as at rest up to {} rad/s (m/s where it slides)"),
 )
 """What a setting means, in words; {} is its number."""

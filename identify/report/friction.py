@@ -9,14 +9,14 @@ import numpy as np
 
 from identify.estimation.identification import FRICTION
 from identify.numbers import estimate, finite
-from identify.regressor.columns import smooth_sign
-from identify.regressor.friction import CUBE_ROOT, FURTHER, PRESLIDING, SLIDING_ON
+from identify.regressor.friction import ASYMMETRIC, CUBE_ROOT, FURTHER, LOAD, PRESLIDING, STRIBECK
 from identify.report import data_figures
 from identify.report.estimates import estimates_table, friction_parameters
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
 from identify.report.prediction import select
 from identify.report.record import Record, items, joints, part, reason
 from identify.report.symbols import symbol_text
+from identify.validation.friction_law import fitted_terms, friction_columns
 
 
 def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
@@ -67,18 +67,10 @@ def _remainder(curves: Mapping[str, np.ndarray], model: str) -> tuple[np.ndarray
 
 
 def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarray], np.ndarray]:
-    """Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63] + Fc·sign(q̇)·|q̇|^⅓ + Fp·sign(q̇), s the sign or the smooth sign of the
-    settings: friction of a joint that slides on, where presliding has come to its end."""
-    value = {key: finite(part(row, key, "estimate")) or 0.0 for key, _ in FRICTION}
-    width = finite(part(record, "settings", "coulomb_velocity"))
-    smooth = part(record, "settings", "coulomb_form") == "smooth sign" and width
-    sign = smooth_sign(width) if smooth and width else np.sign
-
-    def curve(velocity: np.ndarray) -> np.ndarray:
-        plain = value["coulomb"] * sign(velocity) + value["viscous"] * velocity + value["offset"]
-        return plain + sum(value[form] * law(velocity) for form, law in SLIDING_ON.items())
-
-    return curve
+    """Friction of a joint that slides on, over its velocity; row: the joint's entry in the record."""
+    terms = fitted_terms(row)
+    columns = friction_columns(list(terms), part(record, "settings"))
+    return lambda velocity: columns(velocity) @ np.array(list(terms.values()))
 
 
 def _forms(record: Record) -> str:
@@ -93,6 +85,16 @@ def _forms(record: Record) -> str:
             f"Part of the Coulomb friction (Fp) remembers how a joint moved: after a reversal it turns over within a "
             f"few times {1000 * distance:g} mrad (or mm), and at rest it keeps its value. The curves show "
             "it where the joint slides on, so that near zero the data lie between the two branches."
+        )
+    fading = finite(part(record, "settings", "stribeck_velocity"))
+    if STRIBECK in forms and fading:
+        told.append(f"Part of it (Fb) breaks away and fades with speed, to 1/e at {fading:g} rad/s (or m/s).")
+    if ASYMMETRIC in forms:
+        told.append("Viscous friction differs between the directions (Fa).")
+    if LOAD in forms:
+        told.append(
+            "Part of it (Fl) grows with the load, the effort that the links need; the curves show it under the mean "
+            "load, so that the data scatter about them."
         )
     tried = {form for c in items(record, "settings", "candidates") for form in items(c, "settings", "friction")}
     if vain := [form.replace("_", " ") for form in FURTHER if form in tried and form not in forms]:

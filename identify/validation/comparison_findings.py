@@ -110,7 +110,8 @@ def _friction(comparison: Comparison) -> tuple[str, str]:
     if other:
         who = "all joints" if len(other) == len(rows) else _listed(other)
         told.append(
-            f"{who} can’t be tested, as the fits give them other forms of friction; fit both with the same `--friction`"
+            f"{who} can’t be tested, as the fits give them other forms of friction, or forms with other constants; fit "
+            "both with the same `--friction`"
         )
     if not tested:
         fast, row = max(((row["levels"][-1], row) for row in rows), key=_relative)

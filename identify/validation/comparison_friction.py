@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.estimation.identification import FRICTION, Identification
 from identify.numbers import finite
-from identify.validation.friction_law import LETTERS, fitted_terms, friction_columns
+from identify.validation.friction_law import LETTERS, fitted_terms, friction_columns, same_law
 from identify.validation.significance import LEVEL, holm, joint_test
 
 SHARES = (0.1, 0.8)
@@ -41,7 +41,7 @@ def friction_rows(pair: Sequence[Identification]) -> list[dict[str, Any]]:
                 "effort_unit": joint["effort_unit"],
                 "speed_unit": f"{joint['position_unit']}/s",
                 "forms": [list(found) for found in terms],
-                "same_forms": set(terms[0]) == set(terms[1]),
+                "same_forms": same_law([set(found) for found in terms], [record.get("settings") for record in records]),
                 "top_speed": top,
                 "levels": [_level(pair, j, terms, share * top) for share in SHARES],
                 "curve": _curve(pair, j, terms, top),

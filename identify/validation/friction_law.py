@@ -10,7 +10,7 @@ import numpy as np
 from identify.estimation.identification import FRICTION
 from identify.numbers import finite
 from identify.regressor.columns import smooth_sign
-from identify.regressor.friction import SLIDING_ON
+from identify.regressor.friction import LOAD, STRIBECK, STRIBECK_VELOCITY, sliding_laws
 
 LETTERS = dict(FRICTION)
 
@@ -30,8 +30,8 @@ def fitted_terms(row: Mapping[str, Any]) -> dict[str, float]:
 def friction_columns(keys: Sequence[str], settings: Mapping[str, Any] | None) -> Callable[[np.ndarray], np.ndarray]:
     """A function of velocities (N,) that gives (N, k) friction per unit of each parameter of `keys`.
 
-    Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63] + Fc·sign(q̇)·|q̇|^⅓ + Fp·sign(q̇), s the sign or the smooth sign of the
-    settings: friction of a joint that slides on, where presliding has come to its end.
+    Γf = Fs·s(q̇) + Fv·q̇ + offset [2.63] and the further forms of `sliding_laws`, s the sign or the smooth sign of the
+    settings: friction of a joint that slides on, where presliding has come to its end, under the mean load.
     """
     settings = settings or {}
     width = finite(settings.get("coulomb_velocity"))
@@ -40,11 +40,21 @@ def friction_columns(keys: Sequence[str], settings: Mapping[str, Any] | None) ->
         "viscous": lambda v: v,
         "coulomb": sign,
         "offset": np.ones_like,
-        **SLIDING_ON,
+        **sliding_laws(sign, finite(settings.get("stribeck_velocity")) or STRIBECK_VELOCITY),
     }
 
     def columns(velocity: np.ndarray) -> np.ndarray:
         velocity = np.asarray(velocity, dtype=float)
-        return np.stack([laws[key](velocity) for key in keys], axis=-1).reshape(len(velocity), len(keys))
+        return np.array([laws[key](velocity) for key in keys]).reshape(len(keys), len(velocity)).T
 
     return columns
+
+
+def same_law(keys: Sequence[set[str]], settings: Sequence[Mapping[str, Any] | None]) -> bool:
+    """Whether constants of the same name mean the same in two results: equal forms, of the same speed at which
+    Stribeck friction fades and of the same mean load where these count."""
+    if keys[0] != keys[1]:
+        return False
+    a, b = (found or {} for found in settings)
+    depends = {STRIBECK: "stribeck_velocity", LOAD: "mean_load"}
+    return all(a.get(name) == b.get(name) for form, name in depends.items() if form in keys[0])

@@ -1,11 +1,11 @@
 """Which processing suits these logs: decided inside the training logs, by cross-validation over short blocks.
 
 Three choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take
-the exact sign, or count every row and smooth the sign. Then the forms of friction: one form is added after the other,
-that which lowers the residual most, as long as it does so beyond doubt. Then the cut-off of the position. Each
-candidate is fitted on four fifths of the training logs and predicts the effort of the rest, five times over. The
-treatment of rest is judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`;
-friction on all samples where rest is counted, else on those where the joint moves. Test logs are never looked at.
+the exact sign, or count every row and smooth the sign. Then the forms of friction (see `friction_choice`): one form is
+added after the other as long as it lowers the residual beyond doubt. Then the cut-off of the position. Each candidate
+is fitted on four fifths of the training logs and predicts the effort of the rest, five times over. The treatment of
+rest is judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`; friction on
+all samples where rest is counted, else on those where the joint moves. Test logs are never looked at.
 """
 
 from __future__ import annotations
@@ -19,14 +19,15 @@ import numpy as np
 
 from identify.errors import UnsupportedLogError
 from identify.estimation.energy import energy_least_squares, energy_observation, stacked_energy
+from identify.estimation.friction_choice import SMOOTHING, WORTH_IT, choose_friction, with_friction
 from identify.estimation.least_squares import solution, weights_by_noise
 from identify.estimation.motion import low_pass
 from identify.estimation.observation import END_S, Observation, Signals, moving, signals, stacked, torque_blocks
 from identify.estimation.reduction import reduced
 from identify.estimation.scoring import CUTOFF_HZ, relative
-from identify.estimation.settings import Settings
+from identify.estimation.settings import CONSTANTS, Settings
 from identify.logs.log import Log
-from identify.regressor.friction import FURTHER, PRESLIDING, further_forms
+from identify.regressor.friction import FURTHER, LOAD, PRESLIDING, further_forms
 from identify.regressor.regressor import Regressor
 
 FOLDS = 5
@@ -37,15 +38,11 @@ GAP_S = 0.1
 """Rows this close to a block left out are left out with it: the filters would carry it over."""
 
 SURE = 2.0
-"""A further form of friction must lower the squared residual by so many standard errors of what it gains …"""
+"""A further form of friction must lower the squared residual by so many standard errors of what it gains, and the
+residual by WORTH_IT."""
 
-WORTH_IT = 0.1
-"""… and the residual by this much [% of the torque]: below, the simpler model is as good and its parameters clearer."""
+CHOOSING = "choosing how rest, friction and noise are met"
 
-DISTANCES = (1e-4, 3e-5, 3e-4)
-"""Presliding distances [rad or m], the usual one first."""
-
-SMOOTHING = (0.02, 0.05, 0.1)
 CUTOFFS_HZ = (15.0, 20.0, 25.0, 30.0, 40.0, 60.0, 100.0)
 WINDOWS_S = (0.05, 0.1, 0.2)
 ENERGY_CUTOFFS_HZ = (5.0, 8.0, 10.0, 15.0, 20.0, 40.0)
@@ -85,19 +82,20 @@ def choose_settings(
     def judged(candidates: Sequence[Settings], share: float, until: float, needed: bool = True) -> list[Validation]:
         for k, candidate in enumerate(candidates):
             if progress:
-                progress(share + (until - share) * k / len(candidates), "choosing how rest, friction and noise are met")
+                progress(share + (until - share) * k / len(candidates), CHOOSING)
             if candidate in known:
                 continue
             if candidate.friction not in models:
-                models[candidate.friction] = regressor.with_forms(candidate.friction)
+                models[candidate.friction] = candidate.suited(regressor)
             try:
-                known[candidate] = validated(models[candidate.friction], logs, candidate)
+                known[candidate] = validated(candidate.suited(models[candidate.friction]), logs, candidate)
             except UnsupportedLogError:
                 if needed:
                     raise
                 known[candidate] = IMPOSSIBLE
             else:
-                tried.append({"settings": candidate.to_dict(), **known[candidate].percent})
+                shown = {name: x for name, x in candidate.to_dict().items() if name not in CONSTANTS[LOAD]}
+                tried.append({"settings": shown, **known[candidate].percent})
         return [known[candidate] for candidate in candidates]
 
     asked = None if friction is None else further_forms(friction)
@@ -106,35 +104,26 @@ def choose_settings(
     treatments = smooth if asked is not None and PRESLIDING in asked else [base, *smooth]
     scores = judged(treatments, 0.0, 0.3)
     best = _least(scores, "all_percent")
-    chosen, score = treatments[best], scores[best]
+    chosen = treatments[best]
     figure = "all_percent" if chosen.rest_counted else "moving_percent"
-    for form in asked or ():
-        chosen = _with_form(chosen, form)
-    open_to = [form for form in FURTHER[:2] if asked is None and (form != PRESLIDING or chosen.rest_counted)]
-    while open_to:
-        candidates = [_with_form(chosen, form) for form in open_to]
-        scores = judged(candidates, 0.3, 0.5, needed=False)
-        best = _least(scores, figure)
-        if not _surely_better(score, scores[best], figure):
-            break
-        chosen, score = candidates[best], scores[best]
-        open_to.pop(best)
-    if PRESLIDING in chosen.friction:
-        candidates = [replace(chosen, presliding_distance=x) for x in DISTANCES]
-        chosen = candidates[_least(judged(candidates, 0.5, 0.6), figure)]
+    if progress:
+        progress(0.3, CHOOSING)
+    if asked is not None:
+        chosen = with_friction(regressor, logs, chosen, asked)
+    else:
+
+        def better(simple: Settings, more: Settings) -> bool:
+            before, after = judged([simple, more], 0.4, 0.6, needed=False)
+            return _surely_better(before, after, figure)
+
+        open_to = [form for form in FURTHER if form != PRESLIDING or chosen.rest_counted]
+        chosen = choose_friction(regressor, logs, chosen, open_to, better)
     others = [replace(chosen, position_cutoff_hz=f, guard_s=min(0.05, 1 / f)) for f in CUTOFFS_HZ]
     return others[_least(judged(others, 0.6, 1.0), "moving_percent")], tried
 
 
 def _least(scores: Sequence[Validation], figure: str) -> int:
     return int(np.argmin([score.percent[figure] for score in scores]))
-
-
-def _with_form(settings: Settings, form: str) -> Settings:
-    """The settings with one more form of friction."""
-    forms = tuple(f for f in FURTHER if f in (*settings.friction, form))
-    distance = DISTANCES[0] if form == PRESLIDING else settings.presliding_distance
-    return replace(settings, friction=forms, presliding_distance=distance)
 
 
 def _surely_better(simple: Validation, more: Validation, figure: str) -> bool:

@@ -119,7 +119,7 @@ class JointColumns:
         return found
 
     @cached_property
-    def _motors(self) -> list[tuple[float, ...]]:
+    def motors(self) -> list[tuple[float, ...]]:
         """Ratios of the coupled motors that have a Coulomb column."""
         return [column.ratios for column in self.columns if column.kind == "Fsm"]
 
@@ -131,12 +131,12 @@ class JointColumns:
     @property
     def arms(self) -> int:
         """Number of joints and of coupled motors that have friction of their own."""
-        return len(self.revolute) + len(self._motors)
+        return len(self.revolute) + len(self.motors)
 
     def speeds(self, dq: np.ndarray) -> np.ndarray:
         """(…, arms) speeds of the joints and of the coupled motors, whose signs the Coulomb columns hold; of positions,
         their positions."""
-        return np.concatenate([dq, dq @ np.transpose(self._motors)], axis=-1) if self._motors else dq
+        return np.concatenate([dq, dq @ np.transpose(self.motors)], axis=-1) if self.motors else dq
 
     def signals(
         self, dq: np.ndarray, sign: Sign, slip: np.ndarray | None, load: np.ndarray | None = None
@@ -161,7 +161,7 @@ class JointColumns:
 
     def _signal(self, column: Column) -> int:
         """Which of the friction signals the column reads."""
-        arm = len(self.revolute) + self._motors.index(column.ratios) if column.ratios else column.index
+        arm = len(self.revolute) + self.motors.index(column.ratios) if column.ratios else column.index
         return ("sign", *self.forms).index(READS[column.kind]) * self.arms + arm
 
     def energy(self, out: np.ndarray, dq: np.ndarray) -> None:

@@ -79,8 +79,8 @@ def test_the_forms_that_are_there_are_chosen(root: bool, state: bool) -> None:
     assert chosen.friction == tuple(form for form, there in zip(BOTH, (root, state), strict=True) if there)
     assert chosen.rest_counted
     assert state or chosen.coulomb_velocity == WIDTH  # with a presliding part the slope is not all Coulomb's
-    assert chosen.presliding_distance == (DISTANCE if state else None)
-    assert any(t["settings"]["friction"] for t in tried)
+    assert chosen.presliding_distance == (pytest.approx(DISTANCE, rel=0.3) if state else None)
+    assert any(t["settings"]["friction"] for t in tried) == root
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.02])
@@ -88,7 +88,7 @@ def test_plain_friction_stays_plain(noise: float) -> None:
     chosen, tried = choose_settings(Regressor(ARM), [exact_log(ARM, rate=400.0, noise=noise)])
     assert chosen.friction == ()
     assert chosen.presliding_distance is None
-    assert [t["settings"]["friction"] for t in tried].count(["cube_root"]) == 1
+    assert not any(t["settings"]["friction"] for t in tried)  # no form promised enough to be worth the trial
 
 
 def test_forms_that_a_log_is_too_short_for_are_passed_over() -> None:

@@ -20,6 +20,7 @@ _HOMES = {
     "simulate": "identify.workflow",
     "fit": "identify.workflow",
     "export": "identify.workflow",
+    "payload": "identify.payload_workflow",
     "Identification": "identify.estimation.identification",
 }
 

@@ -152,6 +152,21 @@ def estimate(value: object, sigma: object) -> Estimate:
     return Estimate(pair[0], pair[1], True, "")
 
 
+def entry(value: object, sigma: object) -> tuple[str, str]:
+    """Value and σ of an entry of a vector or matrix, to the place of σ's second digit: near zero too, where the entry
+    is as well known as its neighbours."""
+    x, s = finite(value), finite(sigma)
+    if x is None:
+        return DASH, ""
+    if s is None or s <= 0:
+        return significant(x, 4), ""
+    if s < abs(x) or _place(s, 2) < -PLACES:
+        shown = estimate(x, s)
+        return shown.value or significant(x, 2), shown.sigma or significant(s, 2)
+    place = min(_place(s, 2), 0)
+    return _plain(_round(x, place)), _plain(_round(s, place))
+
+
 def upper_bound(x: float) -> str:
     """A positive bound with two significant digits, rounded up."""
     place = _place(x, 2, ROUND_CEILING)

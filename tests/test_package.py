@@ -31,6 +31,8 @@ ROOMS = (
     "validation",
     "report",
     "workflow",
+    "payload_record",
+    "payload_workflow",
     "batch",
     "cli",
 )

@@ -106,7 +106,9 @@ class Equations:
         from scipy.optimize import lsq_linear
 
         lower = np.array([0.0 if column_kind(name) in _POSITIVE else -np.inf for name in self.names])
-        found = lsq_linear(self.triangle, self.basis.T @ b, (lower, np.inf))
+        # Where joints stand still the rows are silent on much, and trial steps that scipy then discards overflow.
+        with np.errstate(invalid="ignore", over="ignore"):
+            found = lsq_linear(self.triangle, self.basis.T @ b, (lower, np.inf))
         return np.asarray(found.x)
 
     def shares(self, residual: np.ndarray) -> np.ndarray:

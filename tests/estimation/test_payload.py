@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+import carried
 import numpy as np
 import pytest
+from carried import one_joint_moving
 from chains import random_chain, random_link
-from exact_logs import arm, exact_log, friction
+from exact_logs import arm, exact_log
 from oracle import inverse_dynamics
 
 from identify.errors import UnsupportedLogError
@@ -118,19 +120,11 @@ def test_no_load_is_found_where_there_is_none() -> None:
 
 def test_what_a_motion_of_the_last_joint_alone_tells_is_not_the_mass() -> None:
     """About one axis: the inertia about it, and first moments across it; the rest stays unknown."""
-    robot = arm(1)
-    log = noisy(carrying(robot, LOAD), 2, 1)
-    still = np.tile(log.position[:1], (log.samples, 1))
-    still[:, -1] = log.position[:, -1]
-    dq = np.gradient(still, log.time, axis=0)
-    ddq = np.gradient(dq, log.time, axis=0)
-    effort = inverse_dynamics(carrying(robot, LOAD), still, dq, ddq) + friction(robot, dq)
-    last = replace(log, position=still, effort=effort)
-    found = estimate_load(unloaded(noisy(robot, 1, 0)), [last])
+    found = estimate_load(unloaded(noisy(arm(1), 1, 0)), [one_joint_moving(2)])
     told = [found.tells(axis) for axis in np.eye(10)]
     assert told == [False, False, False, False, False, True, True, True, False, False]
     for k in (5, 6, 7):
-        assert found.parameters[k] == pytest.approx(LOAD.standard[k], abs=4 * np.sqrt(found.covariance[k, k]))
+        assert found.parameters[k] == pytest.approx(carried.LOAD.standard[k], abs=4 * np.sqrt(found.covariance[k, k]))
     # A torque about one axis says nothing of a mass, whatever the arm's own covariance.
     assert found.told.shape == (3, 10)
 

@@ -1,4 +1,4 @@
-"""Sections 8 to 11: the two models, the residuals, the checks, and where it all came from."""
+"""Sections 8, 10 and 11: the two models, the checks, and where it all came from."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from identify.numbers import DASH, column, count, estimate, finite, given, significant
-from identify.report import data_figures, parameter_figures
+from identify.numbers import DASH, column, count, estimate, finite, given, percent, significant
+from identify.report import parameter_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, legend, prose, table, unit
-from identify.report.record import UNKNOWN, Record, items, joints, missing, part, reason, units
+from identify.report.record import UNKNOWN, Record, items, missing, part, reason, units
 from identify.report.symbols import symbol_html, symbol_text
 
 ROUNDING = math.sqrt(np.finfo(float).eps)
@@ -39,11 +39,17 @@ def models_section(record: Record) -> Section:
         name = symbol_text(str(agreement.get("name") or ""))
         told.append(f"the largest difference is {significant(largest, 2)} σ{f' ({name})' if name else ''}")
     finding = "; ".join(told) or f"agreement: {reason(record, 'models', 'agreement')}"
+    useless = [
+        f"The {name} model leaves {percent(left)} of the torque unexplained on its own training logs, and predicting "
+        "none would leave 100 %: that it agrees or not says nothing of the other."
+        for name, model in (("torque", torque), ("energy", energy))
+        if (left := finite(part(model, "moving_relative_residual_percent"))) is not None and left >= 100
+    ]
     first, second = ("energy", "torque") if part(record, "model") == "energy" else ("torque", "energy")
     marks = legend(("dot", f"{first} model ± 2σ"), ("square", f"{second} model ± 2σ"))
     body = f"{_model_figures(torque, energy)}{marks}{_compared(record, pairs)}"
     body += _models_table(pairs, first, second) + _estimators(record)
-    return Section("models", 8, title, question, body, finding, folded=True)
+    return Section("models", 8, title, question, body, finding, tuple(useless), folded=True)
 
 
 def _pairs(
@@ -142,40 +148,6 @@ def _pair(p: Mapping[str, Any]) -> tuple[str, str]:
     if not shown.determined:
         return f'<span class="bound">|x| &lt; {esc(shown.bound)}</span>', ""
     return esc(shown.value), f"± {esc(shown.sigma)}" if shown.sigma else ""
-
-
-def residuals_section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
-    """Autocorrelation of the residuals, and how far it widened σ."""
-    title, question = "Residuals", "Is σ believable?"
-    rows, effective = finite(part(record, "settings", "rows")), finite(part(record, "settings", "effective_samples"))
-    told = []
-    if rows and effective:
-        factor = significant(math.sqrt(rows / effective), 2)
-        told.append(f"{count(rows)} rows are worth {count(effective)} independent ones, which widens σ {factor}-fold")
-    lag, values = curves.get("residual/lag"), curves.get("residual/autocorrelation")
-    robot = joints(record)
-    if lag is None or values is None or np.ndim(values) != 2 or len(lag) < 2:
-        why = reason(record, "residual")
-        why = "the result folder holds no autocorrelation" if why == UNKNOWN else why
-        body = absent("No autocorrelation.", why)
-        return Section(
-            "residuals", 9, title, question, body, "; ".join(told) or why, folded=True, why="" if told else why
-        )
-    bound = 2 / math.sqrt(rows / len(robot)) if rows and robot else None
-    inflation = items(record, "settings", "rows_per_effective_sample")
-    inflation = inflation if len(inflation) == len(robot) else []
-    drawn = []
-    for k, joint in enumerate(robot[: values.shape[1]]):
-        crossing = np.flatnonzero(values[:, k] < math.exp(-1))
-        falls = f"under 1/e after {significant(float(lag[crossing[0]]), 2)} s" if len(crossing) else "stays above 1/e"
-        ratio = finite(inflation[k]) if k < len(inflation) else None
-        widened = f", σ widened {significant(math.sqrt(ratio), 2)}-fold" if ratio and ratio > 1 else ""
-        label = f"{joint['name']}: the autocorrelation of the residual, {falls}{widened}."
-        svg = data_figures.autocorrelation(lag, values[:, k], bound, f"a-{k}", label)
-        drawn.append((esc(joint["name"]), esc(falls + widened), svg))
-    marks = legend(("error", "residual"), *([("rest", "where white noise would stay, 95 %")] if bound else []))
-    finding = "; ".join(told) or "autocorrelation of every joint"
-    return Section("residuals", 9, title, question, marks + figures(drawn), finding, folded=True)
 
 
 def checks_section(record: Record) -> Section:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from identify.estimation.identification import FRICTION
-from identify.numbers import estimate, finite
+from identify.numbers import estimate, finite, significant
 from identify.regressor.friction import ASYMMETRIC, CUBE_ROOT, FURTHER, LOAD, PRESLIDING, STRIBECK
 from identify.report import data_figures
 from identify.report.estimates import estimates_table, friction_parameters
@@ -16,7 +16,10 @@ from identify.report.markup import Notes, Section, absent, esc, figures, fold, l
 from identify.report.prediction import select
 from identify.report.record import Record, items, joints, part, reason
 from identify.report.symbols import symbol_text
-from identify.validation.friction_law import fitted_terms, friction_columns
+from identify.validation.friction_law import LETTERS, both_ways, fitted_terms, friction_columns
+
+SHARE = 0.8
+"""Speed at which a caption tells the friction, of the largest one in training."""
 
 
 def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
@@ -28,6 +31,7 @@ def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
     robot = {joint["name"]: (k, joint) for k, joint in enumerate(joints(record))}
     coupled = [str(p.get("name")) for p in items(record, "transmission") if isinstance(p, Mapping)]
     velocity, seen = _remainder(curves, "predicted" if coupled else "rigid")
+    names, covariance = items(record, "names"), _covariance(record)
     drawn = []
     for row in rows:
         name = str(row.get("joint", ""))
@@ -42,13 +46,14 @@ def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
             y = y + curve(x)
         label = f"{name}: friction over velocity. {_constants(row)}."
         svg = data_figures.friction(x, y, curve, joint, f"f-{k}", label)
-        drawn.append((esc(name), "", svg))
+        told = _at_speed(record, list(names), k, row, joint, covariance)
+        drawn.append((esc(name), esc(told), svg))
     dots = "measured minus the rest of the model, median"
     marks = legend(("dots", dots), ("rest", "5 to 95 % of it"), ("predicted", "identified"))
     remark = _forms(record)
     if coupled:
-        names = ", ".join(symbol_text(name) for name in coupled)
-        told = f"What the coupled motors add ({names}) is taken out of the data as identified."
+        motors = ", ".join(symbol_text(name) for name in coupled)
+        told = f"What the coupled motors add ({motors}) is taken out of the data as identified."
         remark += f'<p class="remark">{esc(told)}</p>'
     if velocity is None:
         remark += absent("No data behind the curves.", "the result folder holds no training arrays")
@@ -71,6 +76,38 @@ def friction_curve(row: Mapping[str, Any], record: Record) -> Callable[[np.ndarr
     terms = fitted_terms(row)
     columns = friction_columns(list(terms), part(record, "settings"))
     return lambda velocity: columns(velocity) @ np.array(list(terms.values()))
+
+
+def _covariance(record: Record) -> np.ndarray | None:
+    """(p, p) of all parameters, None where the record has none that fits its names."""
+    try:
+        found = np.array(items(record, "covariance"), dtype=float)
+    except (TypeError, ValueError):
+        return None
+    count = len(items(record, "names"))
+    return found if count and found.shape == (count, count) else None
+
+
+def _at_speed(
+    record: Record,
+    names: Sequence[str],
+    k: int,
+    row: Mapping[str, Any],
+    joint: Mapping[str, Any],
+    covariance: np.ndarray | None,
+) -> str:
+    """Friction of joint k (from 0) at SHARE of its largest speed in training, with σ: "36.0 ± 0.2 N·m at 3.9 rad/s"."""
+    covered = items(record, "coverage", "per_joint")
+    top = finite(part(covered[k], "velocity_max")) if k < len(covered) else None
+    terms = fitted_terms(row)
+    wanted = [f"{LETTERS[key]}{k + 1}" for key in terms]
+    if not top or not terms or covariance is None or not set(wanted) <= set(names):
+        return ""
+    columns = both_ways(list(terms), part(record, "settings"), SHARE * top)
+    at = [names.index(name) for name in wanted]
+    variance = float(columns @ covariance[np.ix_(at, at)] @ columns)
+    shown = estimate(float(columns @ list(terms.values())), np.sqrt(max(variance, 0.0)))
+    return f"{shown.text} {joint['effort_unit']} at {significant(SHARE * top, 2)} {joint['position_unit']}/s"
 
 
 def _forms(record: Record) -> str:
@@ -99,6 +136,11 @@ def _forms(record: Record) -> str:
     tried = {form for c in items(record, "settings", "candidates") for form in items(c, "settings", "friction")}
     if vain := [form.replace("_", " ") for form in FURTHER if form in tried and form not in forms]:
         told.append(f"Tried on blocks left out, and not surely better there: {' and '.join(vain)} friction.")
+    if forms:
+        told.append(
+            "Constants of one joint make up for each other: single ones may be weak, or below zero, where their sum, "
+            "the curve, is well known."
+        )
     return f'<p class="remark">{esc(" ".join(told))}</p>' if told else ""
 
 

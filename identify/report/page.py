@@ -16,7 +16,7 @@ import numpy as np
 
 from identify.errors import InputError, OutputError
 from identify.estimation.identification import CURVES, FORMAT, RECORD
-from identify.report import data, evidence, friction, parameters, physics, prediction, verdict
+from identify.report import data, evidence, friction, parameters, physics, prediction, residuals, verdict
 from identify.report.drawing import drawing
 from identify.report.markup import SPRITE, Section, esc, fold, prose, warned
 from identify.report.record import Record, part, rejected
@@ -42,7 +42,7 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
             physics.section(clean),
             data.section(clean),
             evidence.models_section(clean),
-            evidence.residuals_section(clean, curves),
+            residuals.section(clean, curves),
             evidence.checks_section(clean),
             evidence.provenance_section(clean),
         ]

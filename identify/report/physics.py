@@ -14,6 +14,9 @@ OPEN = (
     "Joint torques tell combinations of the links' parameters, not each link's own: the masses, centres of mass and "
     "inertias below are one robot out of many that move alike"
 )
+THIN = 0.02
+"""Triangle margin, of the largest moment, below which a link is told to be flat or thin."""
+
 NOT_MET = "No: at least one link is physically impossible."
 
 
@@ -30,6 +33,7 @@ def section(record: Record) -> Section:
     body += "".join(
         f'<p class="remark">{prose(text)}</p>' for text in (_cost(record, physical), _open(physical)) if text
     )
+    body += "".join(f'<p class="remark">{prose(text)}</p>' for text in (_thin(rows),) if text)
     body += _links(rows)
     body += _drives(record, physical) + _moved(physical)
     return Section("physics", 6, title, question, body, finding=lead)
@@ -88,6 +92,23 @@ def _open(physical: Mapping[str, Any]) -> str:
     else:
         which = "the robot file's links"
     return f"{OPEN}. What the motion leaves open is pulled to {which}"
+
+
+def _thin(rows: list[Mapping[str, Any]]) -> str:
+    """Which links lie at the edge of what a body can be."""
+    found = []
+    for row in rows:
+        margin, moments = finite(row.get("triangle_margin")), items(row, "principal_moments")
+        largest = finite(moments[-1]) if moments else None
+        if margin is not None and largest and margin < THIN * largest:
+            found.append(str(row.get("name", "")))
+    if not found:
+        return ""
+    which = "every link is" if len(found) == len(rows) else f"{', '.join(found)} {'is' if len(found) == 1 else 'are'}"
+    return (
+        f"{which} at the edge of what a body can be, flat or thin (A + B − C under {100 * THIN:g} % of C): a simulator "
+        "loads such links, but their single numbers mean little"
+    )
 
 
 def _links(rows: list[Mapping[str, Any]]) -> str:

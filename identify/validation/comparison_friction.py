@@ -10,7 +10,7 @@ import numpy as np
 
 from identify.estimation.identification import FRICTION, Identification
 from identify.numbers import finite
-from identify.validation.friction_law import LETTERS, fitted_terms, friction_columns, same_law
+from identify.validation.friction_law import LETTERS, both_ways, fitted_terms, friction_columns, same_law
 from identify.validation.significance import LEVEL, holm, joint_test
 
 SHARES = (0.1, 0.8)
@@ -81,8 +81,8 @@ def _level(
     """Friction of joint j at a speed in both results and its difference B − A, with σ as of independent errors."""
     sides = []
     for result, values in zip(pair, terms, strict=True):
-        both = friction_columns(list(values), result.record.get("settings"))(np.array([speed, -speed]))
-        value, std = _of_columns(result, j, values, 0.5 * (both[:1] - both[1:]))
+        row = both_ways(list(values), result.record.get("settings"), speed)
+        value, std = _of_columns(result, j, values, row[None])
         sides.append({"estimate": float(value[0]), "std": float(std[0])})
     return {
         "speed": speed,

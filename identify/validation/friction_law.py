@@ -50,6 +50,13 @@ def friction_columns(keys: Sequence[str], settings: Mapping[str, Any] | None) ->
     return columns
 
 
+def both_ways(keys: Sequence[str], settings: Mapping[str, Any] | None, speed: float) -> np.ndarray:
+    """(k,) friction at a speed per unit of each parameter of `keys`: half the difference between both directions of
+    motion, which leaves the offset out."""
+    there, back = friction_columns(keys, settings)(np.array([speed, -speed]))
+    return 0.5 * (there - back)
+
+
 def same_law(keys: Sequence[set[str]], settings: Sequence[Mapping[str, Any] | None]) -> bool:
     """Whether constants of the same name mean the same in two results: equal forms, of the same speed at which
     Stribeck friction fades and of the same mean load where these count."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from identify.errors import InputError, LogError, UnsupportedLogError
 from identify.logs.log import Log
-from identify.robot.robot import Robot
+from identify.robot.robot import Link, Robot
 
 if TYPE_CHECKING:
     from identify.estimation.fitting import ModelFit
@@ -48,9 +48,13 @@ def simulate(
     noise: str = "standard",
     seed: int = 0,
     progress: Progress = None,
+    load: Link | None = None,
 ) -> Log:
-    """The log of a simulated experiment in MuJoCo, 1 kHz; without a trajectory, one is designed (torque model)."""
-    return _simulated(robot, trajectory, noise, seed, progress)[0]
+    """The log of a simulated experiment in MuJoCo, 1 kHz; without a trajectory, one is designed (torque model).
+
+    load: what the last link carries, in R_n, of which the controller knows nothing.
+    """
+    return _simulated(robot, trajectory, noise, seed, progress, load)[0]
 
 
 def run_experiment(
@@ -61,6 +65,7 @@ def run_experiment(
     seed: int = 0,
     force: bool = False,
     progress: Progress = None,
+    load: Link | None = None,
 ) -> Log:
     """Simulate and write LOG.mcap, with robot and trajectory attached, and LOG.truth.json beside it.
 
@@ -72,7 +77,7 @@ def run_experiment(
     refuse_existing_log(Path(path), force)
     if trajectory is None:
         trajectory = excite(robot, progress=progress)
-    record_experiment(robot, trajectory.for_robot(robot), Path(path), noise, seed, force, progress)
+    record_experiment(robot, trajectory.for_robot(robot), Path(path), noise, seed, force, progress, load)
     return read_log(path)
 
 
@@ -217,14 +222,14 @@ def demo(folder: Folder, force: bool = False, progress: Progress = None) -> dict
 
 
 def _simulated(
-    robot: Robot, trajectory: Trajectory | None, noise: str, seed: int, progress: Progress
+    robot: Robot, trajectory: Trajectory | None, noise: str, seed: int, progress: Progress, load: Link | None
 ) -> tuple[Log, dict[str, Any], Trajectory]:
     from identify.experiment.simulation import simulate as run
 
     if trajectory is None:
         trajectory = excite(robot, progress=progress)
     trajectory = trajectory.for_robot(robot)
-    return (*run(robot, trajectory, noise, seed, progress), trajectory)
+    return (*run(robot, trajectory, noise, seed, progress, load), trajectory)
 
 
 def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:

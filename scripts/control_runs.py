@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from control_laws import OMEGA, PERIOD, Array, Law, adaptation_gain, adaptive, computed_torque, inertia_matrices, pd
@@ -16,8 +16,8 @@ from identify.errors import InputError
 from identify.experiment.sensors import POSITION_NOISE, VELOCITY_CUTOFF_HZ
 from identify.robot.library import robot_digest
 from identify.robot.mjcf import to_mjcf
+from identify.robot.payload import carrying
 from identify.robot.robot import Link, Robot
-from identify.robot.transforms import merge_links
 
 STEPS = 2
 """Simulation steps of 0.5 ms in a control period; the torque is held meanwhile."""
@@ -72,12 +72,6 @@ class Run:
     dq: Array
     theta: Array
     clipped: int
-
-
-def carrying(robot: Robot, payload: Link) -> Robot:
-    """The robot with a payload on its last link."""
-    *others, last = robot.joints
-    return replace(robot, joints=(*others, replace(last, link=merge_links(last.link, payload))))
 
 
 def run(robot: Robot, law: Law, theta: Array, motion: Motion) -> Run:

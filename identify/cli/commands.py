@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli import batching, comparing, exporting, models
+from identify.cli import batching, carrying, comparing, exporting, models
 from identify.cli.places import check_file, check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import UnsupportedLogError
@@ -76,6 +76,7 @@ def simulate(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             seed=options.seed,
             force=options.force,
             progress=progress,
+            load=carrying.chosen_load(options),
         )
     print(f"{_size(options.output, log)}, noise {options.noise}, seed {options.seed}")
     print(f"{truth}: the true parameters")
@@ -288,6 +289,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "recover": recover,
     "fit": fit,
     "predict": predict,
+    "payload": carrying.payload,
     "batch": batching.batch,
     "compare": comparing.compare,
     "check": check,

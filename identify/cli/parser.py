@@ -6,6 +6,7 @@ import argparse
 from typing import Any, NoReturn
 
 from identify import __version__
+from identify.cli import carrying
 from identify.cli.options import (
     LOG,
     as_json,
@@ -85,6 +86,7 @@ def build_parser() -> argparse.ArgumentParser:
         _recover,
         _fit,
         _predict,
+        _payload,
         _batch,
         _compare,
         _check,
@@ -159,6 +161,7 @@ def _simulate(commands: Any) -> None:
     )
     command.add_argument("--noise", choices=NOISES, default="standard", help="sensor noise (default: %(default)s)")
     seed(command, "of the noise")
+    carrying.payload_option(command)
 
 
 def _import(commands: Any) -> None:
@@ -249,6 +252,10 @@ def _predict(commands: Any) -> None:
     output(command, "TORQUE.csv", "table to write")
     reading(command)
     as_json(command)
+
+
+def _payload(commands: Any) -> None:
+    carrying.arguments(_command(commands, *carrying.WORDS))
 
 
 def _batch(commands: Any) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from identify.numbers import DASH, column, count, estimate, finite, given, percent, significant
-from identify.report import parameter_figures
+from identify.report import estimators, parameter_figures
 from identify.report.markup import Notes, Section, absent, esc, figures, legend, prose, table, unit
 from identify.report.record import UNKNOWN, Record, items, missing, part, reason, units
 from identify.report.symbols import symbol_html, symbol_text
@@ -25,10 +25,9 @@ def models_section(record: Record) -> Section:
     if not torque or not energy:
         name = "energy" if torque else "torque"
         why = reason(record, "models", name)
-        body = absent(f"No {name} model to compare with." if torque or energy else "No models.", why) + _estimators(
-            record
-        )
-        return Section("models", 8, title, question, body, f"only one model: {why}", folded=True, why=why)
+        body = absent(f"No {name} model to compare with." if torque or energy else "No models.", why)
+        finding = "; ".join(text for text in (f"only one model: {why}", estimators.finding(record)) if text)
+        return Section("models", 8, title, question, body + estimators.table_of(record), finding, folded=True, why=why)
     pairs = _pairs(torque, energy, units(record), part(record, "model"))
     agreement = part(record, "models", "agreement") or {}
     within, largest = finite(agreement.get("within_2_sigma_percent")), finite(agreement.get("largest_z"))
@@ -47,8 +46,9 @@ def models_section(record: Record) -> Section:
     ]
     first, second = ("energy", "torque") if part(record, "model") == "energy" else ("torque", "energy")
     marks = legend(("dot", f"{first} model ± 2σ"), ("square", f"{second} model ± 2σ"))
-    body = f"{_model_figures(torque, energy)}{marks}{_compared(record, pairs)}"
-    body += _models_table(pairs, first, second) + _estimators(record)
+    body = f"{estimators.table_of(record)}{_model_figures(torque, energy)}{marks}{_compared(record, pairs)}"
+    finding = "; ".join(text for text in (finding, estimators.finding(record)) if text)
+    body += _models_table(pairs, first, second)
     return Section("models", 8, title, question, body, finding, tuple(useless), folded=True)
 
 
@@ -119,28 +119,6 @@ def _models_table(
     shown = column(differences, most=2)
     body = [[symbol_html(n), *_pair(p), *_pair(q), esc(u), d] for (n, u, p, q), d in zip(pairs, shown, strict=True)]
     return table(head, body, "Both estimates of every parameter")
-
-
-def _estimators(record: Record) -> str:
-    """The estimators of the torque model side by side, where more than one was run."""
-    rows = [row for row in items(record, "estimators") if isinstance(row, Mapping)]
-    if not rows:
-        return ""
-    head = [("estimator", "text"), ("scaled condition<br>number", "number")]
-    figures_of = ("moving_relative_residual_percent", "moving"), ("relative_residual_percent", "with rest")
-    wanted = [(role, key) for role in ("train", "test") for key, _ in figures_of]
-    head += [
-        (f"{role}, error<br>{words}{unit('%')}", "number") for role in ("train", "test") for _, words in figures_of
-    ]
-    body = []
-    notes = Notes()
-    for row in rows:
-        cells = [esc(row.get("estimator", "")), esc(significant(row.get("condition_number"), 2))]
-        for role, key in wanted:
-            value = significant(part(row, role, key), 3)
-            cells.append(notes.missing("no such log, or no figure") if value == DASH else esc(value))
-        body.append(cells)
-    return "<h3>Estimators of the torque model</h3>" + table(head, body, "Estimators side by side", notes)
 
 
 def _pair(p: Mapping[str, Any]) -> tuple[str, str]:

@@ -72,7 +72,7 @@ def _words(record: Record, outside: np.ndarray | None) -> str:
     """What a curve means, and what these curves say."""
     told = [
         "A curve shows how much of a residual is still there after a lag. Were residuals white, each row independent "
-        "those before, it would fall at once and stay in the band"
+        "of those before, it would fall at once and stay in the band"
     ]
     settled = _settled(record)
     if settled:

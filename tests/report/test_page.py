@@ -351,16 +351,24 @@ def test_estimates_are_held_against_the_truth_in_sigmas() -> None:
 def test_estimators_stand_side_by_side_and_a_dropped_constant_says_why() -> None:
     record, curves = example(1)
     residuals = {"relative_residual_percent": 2.25, "moving_relative_residual_percent": 1.125}
+    why = "the log does not tell its controller"
     record["estimators"] = [
-        {"estimator": name, "condition_number": 31.0, "train": residuals, "test": None} for name in ("ols", "wls")
+        {"estimator": "ols", "title": "ordinary least squares", "model": "torque", "default": False}
+        | {"condition_number": 31.0, "train": residuals, "test": residuals},
+        {"estimator": "wls", "title": "weighted least squares", "model": "torque", "default": True}
+        | {"condition_number": 28.0, "train": residuals, "test": None, "test_reason": "no held-out log was given"},
+        {"estimator": "didim", "title": "a closed loop", "model": "torque", "default": False, "reason": why},
     ]
     record["friction"][0].update(offset=None, offset_reason="off1 can't be told from MX1, which holds it")
     html = render(record, curves)
     page = check(html)
     models = html.partition('<section id="models">')[2].partition("</section>")[0]
-    table = models.partition("Estimators of the torque model")[2]
+    table = models.partition("<h3>Estimators</h3>")[2].partition("</table>")[0]
     rows = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
-    assert [row[:4] for row in rows] == [["ols", "31", "1.12", "2.25"], ["wls", "31", "1.12", "2.25"]]
+    assert rows[0] == ["ols", "ordinary least squares", "torque", "1.12", "1.12", "2.25", "31"]
+    assert rows[1][:4] == ["<b>wls</b>, default", "weighted least squares", "torque", "1.12"]
+    for text in ("No held-out log was given.", f"{why.capitalize()}.", "3 estimators side by side"):
+        assert text in page.text
     assert "off1 can't be told from MX1, which holds it." in page.text
     assert html.count("off<sub>1</sub>") >= 1
 

@@ -96,11 +96,11 @@ def _friction(comparison: Comparison) -> tuple[str, str]:
         order = sorted(changed, key=lambda row: row["p"])
         shown = "; ".join(f"{row['joint']} {_largest(comparison, row)}" for row in order[:MOST])
         more = f" and {len(order) - MOST} more joints" if len(order) > MOST else ""
-        told.append(f"friction changed on {shown}{more}")
+        told.append(f"it changed on {shown}{more}")
         if len(tested) > len(changed):
             told.append(f"no change seen on the other {len(tested) - len(changed)} of {len(tested)} joints")
     elif tested:
-        worst, joint = max((_resolution(row), row["joint"]) for row in tested)
+        worst, joint = max((_resolution(row) * comparison["tests"]["factor"], row["joint"]) for row in tested)
         told.append(
             f"no joint’s friction is seen to have changed; a change of {percent(worst)} at speed would have shown "
             f"({SURE:g} σ of {joint}, the least known)"

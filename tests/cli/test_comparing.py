@@ -22,7 +22,7 @@ def test_text_object_and_page(run, folders) -> None:
     told = run("compare", *folders)
     assert told.status == 0
     assert told.out.startswith("A  march: ")
-    assert f"friction changed on {arm(1).joint_names[WORN - 1]} at" in told.out
+    assert f"it changed on {arm(1).joint_names[WORN - 1]} at" in told.out
     assert not Path("page.html").exists()
     found = json.loads(run("compare", *folders, "--json", "-o", "new/page.html").out)
     assert found["format"] == "identify/comparison/1"

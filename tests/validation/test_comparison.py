@@ -47,7 +47,7 @@ def test_wear_is_found_on_its_joint_with_its_size() -> None:
     for level in found["friction"][WORN - 1]["levels"]:
         assert abs(level["difference"] - more) < 4 * level["std"]
         assert abs(level["difference"]) > 10 * level["std"]
-    assert f"friction changed on {arm(1).joint_names[WORN - 1]} at" in told(found, "friction")
+    assert f"it changed on {arm(1).joint_names[WORN - 1]} at" in told(found, "friction")
     assert "other 2 of 3 joints" in told(found, "friction")
     back = compare(result("worn", 4), result("before", 1), FOLDERS)
     assert states(back)[2] == "B BETTER"

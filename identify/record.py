@@ -260,7 +260,8 @@ def rejected(record: dict[str, Any], verdict: dict[str, Any]) -> dict[str, Any]:
     """A refused log's record: the verdict, and null with the reason for all that a fit would have given."""
     why = "the log can't support a result: " + "; ".join(verdict["reasons"])
     empty: dict[str, Any] = {"names": [], "base_parameters": [], "friction": [], "transmission": []}
-    for key in ("estimator", "covariance", "fit", "settings", "coverage", "models", "cross_check", "physical"):
+    keys = ("estimator", "covariance", "fit", "settings", "statistics", "coverage", "models", "cross_check")
+    for key in (*keys, "physical"):
         empty |= {key: None, f"{key}_reason": why}
     reasons = {f"{key}_reason": why for key in ("base_parameters", "friction", "transmission", "test")}
     return record | empty | reasons | {"test": [], "verdict": verdict}

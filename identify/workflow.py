@@ -259,6 +259,7 @@ def _identified(
     from identify.validation import cross_check, held_out
     from identify.validation.estimators import compared
     from identify.validation.review import reviewed
+    from identify.validation.statistics import statistics
     from identify.validation.truth import true_parameters
     from identify.validation.verdict import refusals_of_fit, verdict
 
@@ -285,7 +286,7 @@ def _identified(
         raise UnsupportedLogError(*reasons)
     described = {} if nominal is None else {held_out.NOMINAL: Predictor(regressor, nominal, settings)}
     seen = [reviewed(log, {model: models[model]} | described | further) for log in test]
-    tests = [{"path": review.log.source, **held_out.held_out(review, train, robot)} for review in seen]
+    tests = [{"path": review.log.source, **held_out.held_out(review, reviews, robot)} for review in seen]
     physical: dict[str, Any] = {"physical": None, "physical_reason": why_none}
     if possible is not None:
         why = "the robot file's links" if nominal is not None else prior_reason
@@ -307,6 +308,7 @@ def _identified(
         **records.parameters(chosen, truth, nominal, prior_reason),
         "fit": records.fit_figures(chosen, figures[model]),
         "settings": records.settings(chosen, both.tried),
+        "statistics": statistics(chosen, both.problem),
         "test": tests,
         "coverage": held_out.coverage(robot, reviews),
         "models": records.models(

@@ -87,7 +87,11 @@ def coloured_covariance(
     free = counted.mean(axis=0)[:, None] * size - taken
     variance = np.array([_even(p, f) for p, f in zip(power, free, strict=True)])
     middle = np.einsum("j,jb,jbkl->kl", weights**4, variance, spectra.products, optimize=True)
-    return inverse @ middle @ inverse, variance
+    # By its root, so that rounding makes no variance negative where parameters can hardly be told apart.
+    scale = np.sqrt(np.maximum(np.diag(middle), 1e-300))
+    values, vectors = np.linalg.eigh(middle / np.outer(scale, scale))
+    root = (inverse * scale) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+    return root @ root.T, variance
 
 
 def _even(power: np.ndarray, free: np.ndarray) -> np.ndarray:

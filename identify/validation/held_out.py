@@ -13,7 +13,9 @@ from identify.estimation.scoring import Tally, explained, figures_of
 from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Robot
+from identify.validation.motion_distance import motion_distance
 from identify.validation.review import Review, reviewed
+from identify.validation.verdict import MEAN_LIMIT, share_of_spread
 
 NOMINAL = "nominal"
 """Name of the prediction by the robot's own description in the review of a held-out log."""
@@ -46,17 +48,19 @@ def figures_on(logs: Sequence[Log], predictors: Mapping[str, Predictor]) -> dict
     return figures([reviewed(log, predictors) for log in logs], robot)
 
 
-def held_out(review: Review, training: Sequence[Log], robot: Robot) -> dict[str, Any]:
+def held_out(review: Review, training: Sequence[Review], robot: Robot) -> dict[str, Any]:
     """Figures of the first prediction of a log that was not fitted, with the NOMINAL one's where that is reviewed, and
-    how far the log leaves the training positions."""
+    how far the log's motion is from that of the training logs: see `motion_distance`."""
     log, found = review.log, figures([review], robot)
     theirs = found.pop(NOMINAL, None)
     result = next(iter(found.values()))
-    low = np.min([t.position.min(axis=0) for t in training], axis=0)
-    high = np.max([t.position.max(axis=0) for t in training], axis=0)
+    low = np.min([t.log.position.min(axis=0) for t in training], axis=0)
+    high = np.max([t.log.position.max(axis=0) for t in training], axis=0)
     outside = ((log.position < low) | (log.position > high)).mean(axis=0)
     result["outside_training_percent"] = [float(100 * x) for x in outside]
-    result["is_a_training_log"] = any(np.array_equal(log.position, t.position) for t in training)
+    result["is_a_training_log"] = any(np.array_equal(log.position, t.log.position) for t in training)
+    paths = [t.log.source for t in training]
+    result["motion"] = motion_distance(review.states, [t.states for t in training], paths)
     why = "the joint never moves or nothing was measured"
     if theirs is None:
         same = "the log is a simulation of the robot file itself"
@@ -64,7 +68,13 @@ def held_out(review: Review, training: Sequence[Log], robot: Robot) -> dict[str,
     result["nominal_relative_residual_percent"] = theirs and theirs["relative_residual_percent"]
     for j, joint in enumerate(result["per_joint"]):
         joint["nominal_moving_rmse"] = theirs and theirs["per_joint"][j]["moving_rmse"]
-    reasons = {"nominal_relative_residual_percent": why, "nominal_moving_rmse": why}
+        share = share_of_spread(joint)
+        joint["worse_than_mean"] = None if share is None else share >= MEAN_LIMIT
+    reasons = {
+        "nominal_relative_residual_percent": why,
+        "nominal_moving_rmse": why,
+        "worse_than_mean": "the joint never moves",
+    }
     result["per_joint"] = [explained(joint, reasons) for joint in result["per_joint"]]
     return explained(result, reasons)
 

@@ -12,9 +12,13 @@ from identify.estimation.prediction import Predictor, Stretch, stretches
 from identify.estimation.scoring import CUTOFF_HZ, Place, Smooth, Tally, piece_at, places
 from identify.logs.log import Log
 from identify.side_by_side import mapped
+from identify.validation.motion_distance import States
 
 CURVE_ROWS = 3000
 """Most rows a curve is stored with."""
+
+STATES_HZ = 40.0
+"""Rate that states of the motion are kept at [Hz], about."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +28,7 @@ class Review:
     tallies: of each, piece by piece. curves: arrays (m, n), (m,) for "time" and "moving", on the log's even clock, at
     most CURVE_ROWS rows, efforts low-passed at 10 Hz, SI. residual (M, n) at residual_rate [Hz]: the first one's,
     low-passed, rows at rest set to zero. lowest, highest, speed, acceleration (n,) of the motion, arm_speed (arms,) of
-    joints and coupled motors, as the first takes it.
+    joints and coupled motors, as the first takes it; states: the same motion, thinned.
     """
 
     log: Log
@@ -37,6 +41,7 @@ class Review:
     speed: np.ndarray
     acceleration: np.ndarray
     arm_speed: np.ndarray
+    states: States
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +52,7 @@ class _Part:
     curves: dict[str, np.ndarray]
     residual: np.ndarray
     extremes: list[np.ndarray]
+    states: list[np.ndarray]
 
 
 def reviewed(log: Log, predictors: Mapping[str, Predictor]) -> Review:
@@ -54,6 +60,7 @@ def reviewed(log: Log, predictors: Mapping[str, Predictor]) -> Review:
     every = list(predictors.values())
     step = max(1, int(np.ceil(log.samples / CURVE_ROWS)))
     thin = max(1, int(log.rate_hz / (8 * CUTOFF_HZ)))
+    sparse = max(1, round(log.rate_hz / STATES_HZ))
     first = every[0]
     inertial = np.arange(first.regressor.p) < len(first.regressor.base.names)
     rigid = Predictor(first.regressor, np.where(inertial, first.parameters, 0.0), first.settings)
@@ -79,14 +86,19 @@ def reviewed(log: Log, predictors: Mapping[str, Predictor]) -> Review:
         curves = {name: _small(name, values[kept]) for name, values in drawn.items()}
         residual = smooth.moving_errors[0][-place.rows.start % thin :: thin].copy()
         tallies = [smooth.tally(k) for k in range(len(every))]
-        return _Part(tallies, curves, residual, _extremes(first, motion, inside))
+        few = slice(-place.rows.start % sparse, None, sparse)
+        states = [drawn[name][few].astype(np.float32) for name in ("position", "velocity", "acceleration")]
+        return _Part(tallies, curves, residual, _extremes(first, motion, inside), states)
 
     def along() -> Iterator[tuple[Place, Stretch]]:
         every_place = list(places(log))
         yield from zip(every_place, stretches(log, every, (place.part for place in every_place)), strict=True)
 
     parts = list(mapped(look, along()))
-    lowest, highest, *largest = (np.array(values) for values in zip(*(part.extremes for part in parts), strict=True))
+    q, dq, ddq = (np.concatenate([part.states[k] for part in parts]) for k in range(3))
+    lowest, highest, speed, acceleration, arm_speed = (
+        np.array(values) for values in zip(*(part.extremes for part in parts), strict=True)
+    )
     return Review(
         log,
         {name: [part.tallies[k] for part in parts] for k, name in enumerate(predictors)},
@@ -95,7 +107,10 @@ def reviewed(log: Log, predictors: Mapping[str, Predictor]) -> Review:
         log.rate_hz / thin,
         lowest.min(axis=0),
         highest.max(axis=0),
-        *(values.max(axis=0) for values in largest),
+        speed.max(axis=0),
+        acceleration.max(axis=0),
+        arm_speed.max(axis=0),
+        States(q, dq, ddq, log.rate_hz / sparse),
     )
 
 

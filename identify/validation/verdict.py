@@ -13,6 +13,9 @@ MEAN_LIMIT = 100.0
 ZERO_LIMIT = 100.0
 """Residual [% of the measured effort] of a model that predicts no effort at all."""
 
+SOME_PERCENT = 10.0
+"""Share [%] of a held-out motion that repeats the training motion, from which the verdict says so."""
+
 WELL_KNOWN = 10.0
 """Relative standard deviation [%] below which a parameter counts as well identified (Gautier & Khalil 1992)."""
 
@@ -86,6 +89,14 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
         if test["is_a_training_log"]:
             reasons.append(f"{test['path']}: is a training log too, so that it tests nothing")
             continue
+        repeat = test["motion"]["repeat"]
+        if repeat and repeat["share_percent"] >= SOME_PERCENT:
+            reasons.append(
+                f"{test['path']}: repeats the training motion for {repeat['share_percent']:.0f} % of its moving time, "
+                f"so that it {'does not test' if repeat['repeats'] else 'tests less of'} what the model leaves out"
+            )
+        if not _is_new(test):
+            continue
         found = _shares(test)
         shares += found.values()
         if bad := [name for name, share in found.items() if share >= MEAN_LIMIT]:
@@ -143,9 +154,7 @@ def _simulation(record: dict[str, Any]) -> dict[str, Any]:
             f"links made possible by moving {len(moved)} of {len(physical['parameters'])} parameters, "
             f"{first['name']} most, by {abs(first['shift_sigma']):.2g} σ"
         )
-    tests = [
-        mine for mine, test in zip(physical["test"], record["test"], strict=False) if not test["is_a_training_log"]
-    ]
+    tests = [mine for mine, test in zip(physical["test"], record["test"], strict=False) if _is_new(test)]
     shares = [share for test in tests for share in _shares(test).values()]
     found = [x for t in tests if (x := t["moving_relative_residual_percent"]) is not None]
     if found:
@@ -168,11 +177,22 @@ def _simulation(record: dict[str, Any]) -> dict[str, Any]:
 
 def _shares(test: dict[str, Any]) -> dict[str, float]:
     """RMSE [% of the signal's standard deviation] of every joint that moves in a held-out log, by its name."""
-    return {
-        joint["joint"]: 100 * joint["moving_rmse"] / joint["std_of_signal"]
-        for joint in test["per_joint"]
-        if joint["moving_rmse"] is not None and joint["std_of_signal"]
-    }
+    shares = {joint["joint"]: share_of_spread(joint) for joint in test["per_joint"]}
+    return {name: share for name, share in shares.items() if share is not None}
+
+
+def _is_new(test: dict[str, Any]) -> bool:
+    """Whether a held-out log shows a motion that was not fitted."""
+    repeat = test["motion"]["repeat"]
+    return not test["is_a_training_log"] and not (repeat and repeat["repeats"])
+
+
+def share_of_spread(joint: dict[str, Any]) -> float | None:
+    """RMSE while moving [% of the signal's standard deviation] of one joint's figures: from MEAN_LIMIT on, its mean
+    predicts as well. None where it does not move."""
+    if joint["moving_rmse"] is None or not joint["std_of_signal"]:
+        return None
+    return float(100 * joint["moving_rmse"] / joint["std_of_signal"])
 
 
 def _payload(record: dict[str, Any]) -> dict[str, Any]:

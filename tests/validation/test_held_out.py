@@ -107,25 +107,25 @@ def test_outside_training_is_the_share_of_time_beyond_its_positions() -> None:
     spread = np.ptp(train.position, axis=0)
     low, high = train.position.min(axis=0), train.position.max(axis=0)
     moved = train.position + 0.25 * spread * [1.0, -1.0, 0.0]
-    found = held_out(review(replace(train, position=moved)), [train], ARM)
+    found = held_out(review(replace(train, position=moved)), [review(train)], ARM)
     expected = [(moved[:, 0] > high[0]).mean(), (moved[:, 1] < low[1]).mean(), 0.0]
     assert found["outside_training_percent"] == pytest.approx([100 * x for x in expected])
     assert 0 < expected[0] < 1
-    both = held_out(review(log), [train, log], ARM)
+    both = held_out(review(log), [review(train), review(log)], ARM)
     assert both["outside_training_percent"] == [0.0] * 3
 
 
 def test_a_training_log_is_known_again() -> None:
     train, log = exact_log(ARM, 1), exact_log(ARM, 2)
-    assert held_out(review(train), [log, train], ARM)["is_a_training_log"] is True
-    assert held_out(review(log), [train], ARM)["is_a_training_log"] is False
+    assert held_out(review(train), [review(log), review(train)], ARM)["is_a_training_log"] is True
+    assert held_out(review(log), [review(train)], ARM)["is_a_training_log"] is False
 
 
 def test_the_nominal_model_stands_beside_the_identified_one() -> None:
     log = exact_log(ARM, 2)
     nominal = nominal_parameters(REGRESSOR)
     assert nominal is not None
-    found = held_out(review(log, **{NOMINAL: nominal}), [exact_log(ARM, 1)], ARM)
+    found = held_out(review(log, **{NOMINAL: nominal}), [review(exact_log(ARM, 1))], ARM)
     exact = figures([log], REGRESSOR.parameters)
     assert found["nominal_relative_residual_percent"] == exact["relative_residual_percent"] < 1
     assert [j["nominal_moving_rmse"] for j in found["per_joint"]] == [j["moving_rmse"] for j in exact["per_joint"]]
@@ -138,7 +138,7 @@ def test_the_nominal_model_stands_beside_the_identified_one() -> None:
 def test_where_there_is_no_nominal_model_it_says_why(metadata: dict[str, str], reason: str) -> None:
     assert nominal_parameters(Regressor(unknown(ARM))) is None
     log = replace(exact_log(ARM, 2), metadata=metadata)
-    found = held_out(review(log), [log], ARM)
+    found = held_out(review(log), [review(log)], ARM)
     assert found["nominal_relative_residual_percent"] is None
     assert reason in found["nominal_relative_residual_percent_reason"]
     for joint in found["per_joint"]:

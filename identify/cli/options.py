@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 
-ESTIMATORS = ("ols", "wls", "huber", "tukey", "both", "energy", "power")
+ESTIMATORS = ("ols", "wls", "huber", "tukey", "idim-iv", "didim", "both", "energy", "power")
 """Names of `estimation.estimators.registry`, here as well so that help need not load it."""
 
 LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"
@@ -72,6 +72,47 @@ def estimator(command: argparse.ArgumentParser, beside: bool = False) -> None:
         metavar="NAME",
         help=f"how parameters are estimated, each from the equations it knows: {names}"
         f"{', or all for a table of them beside the default one' if beside else ''} (default: that of the model)",
+    )
+
+
+def excitation(command: argparse.ArgumentParser) -> None:
+    """What a motion is designed for and of."""
+    command.add_argument(
+        "--criterion",
+        choices=("torque", "energy", "both"),
+        default="torque",
+        help="model whose parameters the motion is designed for (default: %(default)s)",
+    )
+    command.add_argument(
+        "--duration", type=duration, default=10.0, metavar="S", help="length of one period (default: %(default)g s)"
+    )
+    command.add_argument(
+        "--periods", type=count, default=3, metavar="N", help="how often the period is run (default: %(default)s)"
+    )
+    command.add_argument(
+        "--harmonics",
+        type=count,
+        metavar="N",
+        help="harmonics of the series, at least 2 (default: 5 for the torque model; as many as its columns need for "
+        "the energy model, 7 for six joints)",
+    )
+    command.add_argument(
+        "--starts", type=count, default=3, metavar="N", help="random starts, the best of which counts (default: 3)"
+    )
+    command.add_argument(
+        "--from",
+        metavar="DIR",
+        dest="earlier",
+        action="append",
+        default=[],
+        help="result of an earlier fit of this robot, once for each: the new motion adds most to what they tell, and "
+        "the last one's parameters tell the effort",
+    )
+    command.add_argument(
+        "--no-collision",
+        dest="collision",
+        action="store_false",
+        help="leave out the distances between links and to the floor",
     )
 
 

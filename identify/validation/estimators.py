@@ -13,6 +13,8 @@ from identify.estimation.scoring import RESIDUALS
 from identify.logs.log import Log
 from identify.validation.held_out import figures_on
 
+FIGURES = ("condition_number", "train", "test")
+
 
 def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
     """A row an estimator: its residuals [% of the torque] on training and held-out logs, and its condition number.
@@ -25,7 +27,7 @@ def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
         try:
             fits[name] = fitted(problem, ESTIMATORS[name])
         except UnsupportedLogError as error:
-            row["reason"] = str(error)
+            row |= dict.fromkeys(("reason", *(f"{key}_reason" for key in FIGURES)), str(error))
         else:
             row["condition_number"] = fits[name].estimate.condition_number
     predictors = {name: fit.predictor for name, fit in fits.items()}
@@ -44,7 +46,5 @@ def _row(name: str) -> dict[str, Any]:
         "title": by.title,
         "model": by.model,
         "default": DEFAULTS[by.model] == name,
-        "condition_number": None,
-        "train": None,
-        "test": None,
+        **dict.fromkeys(FIGURES),
     }

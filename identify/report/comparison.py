@@ -29,8 +29,8 @@ from identify.validation.comparison_findings import CHANGED, UNCHANGED, cautions
 
 Comparison = Mapping[str, Any]
 TITLES = {"friction": "Friction", "links": "Links and motors", "prediction": "Prediction"}
-MOST = 24
-"""Joints whose curves a page draws, those that differ most."""
+FEW, MOST = 8, 12
+"""Joints up to which the table of friction is open; joints whose curves a page draws, those that differ most."""
 
 
 def comparison_page(comparison: Comparison) -> str:
@@ -87,19 +87,24 @@ def answer(comparison: Comparison) -> str:
     states = {row["about"]: row["state"] for row in findings(comparison)}
     joints = [row["joint"] for row in comparison["friction"] if row["changed"]]
     links = [symbol_text(row["name"]) for row in comparison["parameters"] if row["changed"]]
-    told = []
-    for about, names, what in (("friction", joints, "friction"), ("links", links, "link and motor parameters")):
-        if states[about] == CHANGED:
-            listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-            told.append(f"{what} changed" + (f" ({listed})" if listed else ""))
-        elif states[about] == UNCHANGED:
-            told.append(f"no change of {what} is seen")
-        else:
-            told.append(f"changes of {what} can’t be told")
+    if comparison["fitted_by_both"]:
+        told = ["both rest on a log in common, so that no change of the robot can be told"]
+    else:
+        told = [
+            _changed(states["friction"], "friction", joints),
+            _changed(states["links"], "link and motor parameters", links),
+        ]
     state = states["prediction"]
     told.append(f"{state[0]} predicts better" if state.endswith("BETTER") else "neither is seen to predict better")
     text = "; ".join(told)
     return f"{text[0].upper()}{text[1:]}."
+
+
+def _changed(state: str, what: str, names: Sequence[str]) -> str:
+    if state == CHANGED:
+        listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+        return f"{what} changed" + (f" ({listed})" if listed else "")
+    return f"no change of {what} is seen" if state == UNCHANGED else f"changes of {what} can’t be told"
 
 
 def _results(comparison: Comparison) -> Section:
@@ -153,7 +158,8 @@ def _friction(comparison: Comparison) -> Section:
     body = marks + figures(drawn)
     if len(order) < len(rows):
         body += f'<p class="remark">The {MOST} joints that differ most; all are in the table.</p>'
-    body += comparison_tables.friction(rows)
+    shown = comparison_tables.friction(rows)
+    body += shown if len(rows) <= FEW else fold("Table of friction", shown, f"all {len(rows)} joints")
     return Section("friction", 4, "Friction", "Do the joints lose more?", body)
 
 

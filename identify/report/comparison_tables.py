@@ -105,8 +105,8 @@ def totals(row: Row) -> str:
     """Both residuals of all joints together as words, HTML."""
     moving, overall = (row["total"][key] for key in ("moving_relative_residual_percent", "relative_residual_percent"))
     return (
-        f"A leaves <b>{percent(moving[0])}</b> of the torque unexplained while the joints move, B "
-        f"<b>{percent(moving[1])}</b>; with rest counted {percent(overall[0])} and {percent(overall[1])}."
+        f"A leaves <b>{percent(moving[0], 3)}</b> of the torque unexplained while the joints move, B "
+        f"<b>{percent(moving[1], 3)}</b>; with rest counted {percent(overall[0], 3)} and {percent(overall[1], 3)}."
     )
 
 

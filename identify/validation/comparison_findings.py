@@ -14,6 +14,9 @@ BETTER, UNDECIDED = "{} BETTER", "UNDECIDED"
 MOST = 4
 """Joints or parameters that a sentence names."""
 
+FINE = 0.005
+"""Relative difference below which three digits would show none."""
+
 SURE = 3.0
 """Change in σ that is said to have shown, had there been one."""
 
@@ -64,7 +67,12 @@ def cautions(comparison: Comparison) -> list[str]:
 def level_text(level: Mapping[str, Any], row: Mapping[str, Any]) -> str:
     """ "at 3.9 rad/s from 36.0 to 36.7 N·m (+0.72 ± 0.01 N·m, +2.0 %)" of one speed of one joint."""
     a, b = (side["estimate"] for side in level["estimates"])
-    told = f"at {significant(level['speed'], 2)} {row['speed_unit']} from {significant(a, 3)} to {significant(b, 3)}"
+    fine = abs(b - a) < FINE * abs(a)
+    shown = [
+        estimate(side["estimate"], side["std"]).value if fine else significant(side["estimate"], 3)
+        for side in level["estimates"]
+    ]
+    told = f"at {significant(level['speed'], 2)} {row['speed_unit']} from {shown[0]} to {shown[1]}"
     share = f", {plus(100 * level['difference'] / abs(a))}{percent(100 * level['difference'] / abs(a))}" if a else ""
     return f"{told} {row['effort_unit']} ({difference_text(level['difference'], level['std'])}{share})"
 
@@ -179,7 +187,7 @@ def _prediction(comparison: Comparison) -> tuple[str, str]:
     for log in comparison["logs"]:
         if not log["fair"]:
             continue
-        a, b = (percent(x) for x in log["total"]["moving_relative_residual_percent"])
+        a, b = (percent(x, 3) for x in log["total"]["moving_relative_residual_percent"])
         text = f"{_short(log['path'])}, held out from both: A leaves {a} of the torque in motion, B {b}"
         if log["better"]:
             wins = max(log["pieces"])

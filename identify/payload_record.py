@@ -15,7 +15,6 @@ from identify.estimation.load_body import body_values, nearest_body, seen_from
 from identify.estimation.payload import FRICTION_CHANGE, LoadEstimate, friction_scales
 from identify.estimation.payload_result import FORMAT
 from identify.estimation.scoring import explained
-from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.logs.triage import Findings
 from identify.record import head
@@ -224,10 +223,10 @@ def physical_load(found: LoadEstimate, certain: bool) -> dict[str, Any]:
     }
 
 
-def payload_settings(settings: Settings, found: LoadEstimate, friction: bool) -> dict[str, Any]:
+def payload_settings(found: LoadEstimate, friction: bool) -> dict[str, Any]:
     """How the loaded log was processed and solved."""
     return {
-        **settings.to_dict(),
+        **found.settings.to_dict(),
         "rows": found.rows,
         "effective_samples": found.effective_samples,
         "rows_per_effective_sample": [float(x) for x in found.inflation],

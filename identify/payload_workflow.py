@@ -135,9 +135,10 @@ def _payload(
         gains, settings = _gains(fitted, without, loaded, mass)
         estimate, arm = gains.load, gains.load.arm
         loaded, tests = ([calibrated(log, gains.gains) for log in each] for each in (loaded, tests))
-        regressor = regressor.with_forms(settings.friction)
+        regressor = settings.suited(regressor)
     tell(0.6, "residuals")
-    carrying = {"with": Predictor(regressor, estimate.loaded, settings)}
+    burdened = estimate.settings.suited(regressor)
+    carrying = {"with": Predictor(burdened, estimate.loaded, estimate.settings)}
     empty = {"without": Predictor(regressor, arm, settings)}
     reviews = [reviewed(log, carrying | empty) for log in loaded]
     figures = held_out.figures(reviews, robot)
@@ -155,7 +156,7 @@ def _payload(
             "chi_squared": estimate.chi_squared,
             "degrees_of_freedom": estimate.degrees,
         },
-        "settings": records.payload_settings(settings, estimate, friction),
+        "settings": records.payload_settings(estimate, friction),
         "test": [{"path": log.source, **held_out.figures_on([log], carrying)["with"]} for log in tests],
         **records.physical_load(estimate, certain=mass is not None),
     }
@@ -214,18 +215,23 @@ def _check(fitted: Identification, loaded: list[Log], tests: list[Log], without:
 
 
 def _gains(fitted: Identification, without: list[Log], loaded: list[Log], mass: float) -> tuple[DriveGains, Settings]:
-    """Gains with the settings that suit the log without load once it is in N·m: the fit's were chosen by currents."""
+    """Gains with the settings that suit the logs without load once they are in N·m: the fit's were chosen by currents.
+
+    Friction that grows with the load on a joint is left out: what it grows with has another size in each kind of log.
+    """
     from identify.estimation.drive_gains import calibrated, drive_gains
     from identify.estimation.fitting import SETTINGS_S, liveliest
     from identify.estimation.selection import choose_settings
     from identify.estimation.settings import Settings
+    from identify.regressor.friction import LOAD
 
     plain = fitted.regressor.with_forms(())
     first = drive_gains(plain, Settings(), without, loaded, mass)
     sample = [calibrated(liveliest(log, SETTINGS_S), first.gains) for log in without]
     settings = choose_settings(plain, sample)[0]
-    regressor = plain.with_forms(settings.friction)
-    return drive_gains(regressor, settings, without, loaded, mass), settings
+    if LOAD in settings.friction:
+        settings = choose_settings(plain, sample, friction=[form for form in settings.friction if form != LOAD])[0]
+    return drive_gains(settings.suited(plain), settings, without, loaded, mass), settings
 
 
 def _moving(triage: Sequence[Findings]) -> list[bool]:

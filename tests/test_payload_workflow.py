@@ -16,6 +16,7 @@ from exact_logs import arm, exact_log, fitted
 import identify
 from identify.errors import InputError, LogError, OutputError, UnsupportedLogError
 from identify.estimation.payload import LoadEstimate
+from identify.estimation.settings import Settings
 from identify.payload_record import load_tables
 from identify.payload_workflow import payload, payload_to_folder
 from identify.robot.payload import carrying
@@ -90,7 +91,7 @@ def estimate(parameters: np.ndarray, untold: np.ndarray | None = None) -> LoadEs
     covariance = np.diag(np.where(np.abs(silent).any(axis=1), 0.0, 1e-6))
     none, ones = np.zeros(0), np.ones(3)
     return LoadEstimate(
-        parameters, covariance, silent, np.ones(10), none, {}, {}, none, 1.0, ones, ones, 9, 9.0, None, None
+        parameters, covariance, silent, np.ones(10), none, {}, {}, none, 1.0, ones, ones, 9, 9.0, None, None, Settings()
     )
 
 

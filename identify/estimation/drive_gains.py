@@ -114,6 +114,7 @@ def drive_gains(
         effective_samples=effective,
         chi_squared=None,
         degrees=None,
+        settings=settings,
     )
     return DriveGains(gains, covariance[-n:, -n:] * np.outer(gains, gains) ** 2, load)
 

@@ -14,7 +14,7 @@ account). What neither the arm nor the motion tells of φ is told as such.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,7 +61,8 @@ class LoadEstimate:
     covariance (10, 10), both zero along `untold` (10, k), orthonormal combinations of the ten in `units` (10,) about
     which these logs say nothing.
     arm (p,): θ of the arm without its load, by the fit and the loaded logs together; change, change_std {column}: how
-    far friction under load is from the fit's [its unit]; loaded (p,): θ of the arm with its load and that friction.
+    far friction under load is from the fit's [its unit]; loaded (p,): θ of the arm with its load and that friction;
+    settings: how the loaded logs became rows, and are predicted.
     condition_number of the load's column-scaled equations; sigma, inflation (n,) of each joint's residual and rows per
     effective sample; rows, effective_samples; chi_squared, degrees: how much worse the logs are explained than by
     parameters of their own, in effective samples, and how much worse chance would have it; None where that is unknown.
@@ -82,6 +83,7 @@ class LoadEstimate:
     effective_samples: float
     chi_squared: float | None
     degrees: int | None
+    settings: Settings
 
     @property
     def told(self) -> np.ndarray:
@@ -108,6 +110,17 @@ def estimate_load(unloaded: Unloaded, logs: Sequence[Log], friction: bool = True
 
     UnsupportedLogError where no row is left.
     """
+    found = _estimate(unloaded, logs, friction)
+    if unloaded.settings.load_parameters is None:
+        return found
+    # Friction that grows with the load on a joint grows with what the arm carries.
+    base = found.loaded[: len(unloaded.regressor.base.names)]
+    settings = replace(unloaded.settings, load_parameters=tuple(base.tolist()))
+    regressor = settings.suited(unloaded.regressor)
+    return _estimate(replace(unloaded, regressor=regressor, settings=settings), logs, friction)
+
+
+def _estimate(unloaded: Unloaded, logs: Sequence[Log], friction: bool) -> LoadEstimate:
     regressor, settings = unloaded.regressor, unloaded.settings
     reduction = reduced(torque_blocks(regressor, logs, settings))
     if not reduction.weight.any():
@@ -143,6 +156,7 @@ def estimate_load(unloaded: Unloaded, logs: Sequence[Log], friction: bool = True
         effective_samples=float((reduction.weight.sum(axis=0) / noise.inflation).sum()),
         chi_squared=excess + solved.held,
         degrees=max(basis.shape[1] - (TEN - solved.untold.shape[1]) - len(problem.freed), 1),
+        settings=settings,
     )
 
 

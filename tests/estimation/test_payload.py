@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from carried import one_joint_moving
 from chains import random_chain, random_link
-from exact_logs import arm, exact_log
+from exact_logs import arm, exact_log, motion
 from oracle import inverse_dynamics
 
 from identify.errors import UnsupportedLogError
@@ -33,12 +33,12 @@ def regressor() -> Regressor:
     return Regressor(arm(1))
 
 
-def unloaded(log: Log, of: Regressor | None = None) -> Unloaded:
+def unloaded(log: Log, of: Regressor | None = None, settings: Settings = SETTINGS) -> Unloaded:
     """What weighted least squares makes of a log without a load, with fixed settings."""
     used = of or regressor()
-    reduction = reduced(torque_blocks(used, [log], SETTINGS))
-    found = weighted_least_squares(reduction, lambda theta: torque_residual(used, [log], SETTINGS, theta))
-    return Unloaded(used, SETTINGS, found.parameters, found.covariance)
+    reduction = reduced(torque_blocks(used, [log], settings))
+    found = weighted_least_squares(reduction, lambda theta: torque_residual(used, [log], settings, theta))
+    return Unloaded(used, settings, found.parameters, found.covariance)
 
 
 def with_friction(robot: Robot, share: float) -> Robot:
@@ -111,6 +111,33 @@ def test_friction_that_changes_with_the_load_is_not_taken_for_load() -> None:
     assert same.change == {}
     # The log is explained as well as by parameters of its own only where friction is free.
     assert free.chi_squared < 3 * free.degrees < same.chi_squared / 3
+
+
+def test_friction_that_grows_with_the_joints_load_grows_with_what_the_arm_carries() -> None:
+    """Fl·|Γ_r|/Γ_m·sign(q̇): what the fit knows of it holds for the loaded arm, whose Γ_r is another."""
+    q, dq, ddq = motion(arm(1), 1).sample(np.linspace(0.0, 10.0, 500))
+    mean = np.abs(inverse_dynamics(arm(1), q, dq, ddq)).mean(axis=0)
+    base = regressor().base.matrix @ arm(1).standard
+    settings = replace(
+        SETTINGS, friction=("load",), load_parameters=tuple(base.tolist()), mean_load=tuple(mean.tolist())
+    )
+    growing = np.array([3.0, 2.0, 1.0])
+
+    def log(robot: Robot, of: int, seed: int) -> Log:
+        plain = noisy(robot, of, seed)
+        q, dq, ddq = motion(robot, of).sample(plain.time)
+        share = np.abs(inverse_dynamics(robot, q, dq, ddq)) / mean
+        assert plain.effort is not None
+        return replace(plain, effort=plain.effort + growing * share * np.sign(dq))
+
+    of = settings.suited(regressor())
+    bare = unloaded(log(arm(1), 1, 0), of, settings)
+    found = estimate_load(bare, [log(carrying(arm(1), LOAD), 2, 1)], friction=False)
+    deviations = np.sqrt(np.diag(found.covariance))
+    assert (np.abs(found.parameters - LOAD.standard) / deviations).max() < 4.0
+    assert found.settings.load_parameters is not None
+    np.testing.assert_allclose(found.settings.load_parameters[-7:], found.loaded[: len(base)][-7:], rtol=0.1, atol=0.05)
+    assert np.linalg.norm(np.array(found.settings.load_parameters) - base) > 0.1
 
 
 def test_no_load_is_found_where_there_is_none() -> None:

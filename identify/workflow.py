@@ -31,15 +31,28 @@ PHYSICAL = "physical"
 
 
 def excite(
-    robot: Robot, criterion: str = "torque", duration: float = 10.0, seed: int = 0, progress: Progress = None
+    robot: Robot,
+    criterion: str = "torque",
+    duration: float = 10.0,
+    seed: int = 0,
+    progress: Progress = None,
+    *,
+    periods: int = 3,
+    harmonics: int | None = None,
+    starts: int = 3,
+    collision: bool = True,
+    earlier: Sequence[Identification] = (),
 ) -> Trajectory:
     """A Fourier trajectory that excites the parameters of the torque model, the energy model or both.
 
-    duration: one period [s]. It respects the robot's limits and is at rest at both ends.
+    duration: one period [s]. It respects the robot's limits, keeps a serial arm's links off each other and off the
+    floor, and is at rest at both ends. earlier: results that it adds most to; the last one's parameters then tell the
+    effort. See `identify.experiment.excitation.designed_excitation`.
     """
-    from identify.experiment.excitation import excite as design
+    from identify.estimation.earlier import next_excitation
 
-    return design(robot, criterion, duration, seed, progress=progress)
+    options = {"periods": periods, "harmonics": harmonics, "starts": starts, "collision": collision}
+    return next_excitation(robot, earlier, criterion, duration, seed, progress=progress, **options).trajectory
 
 
 def simulate(

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli import batching, carrying, comparing, exporting, models
+from identify.cli import batching, carrying, comparing, designing, exporting, models
 from identify.cli.places import check_file, check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import UnsupportedLogError
@@ -29,29 +29,6 @@ def demo(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     with parents_of(options.output), progress_line(sys.stderr) as progress:
         record = workflow.demo(options.output, force=options.force, progress=progress)
     return _told_result(Path(options.output) / "result", record)
-
-
-def excite(options: argparse.Namespace, arguments: Sequence[str]) -> int:
-    """Design a motion and save it."""
-    check_file(options.output, (".toml",), options.force)
-    from identify import workflow
-    from identify.robot.library import load_robot
-
-    robot = load_robot(options.robot, options.joints, options.gravity)
-    with parents_of(options.output):
-        with progress_line(sys.stderr) as progress:
-            trajectory = workflow.excite(
-                robot, options.criterion, duration=options.duration, seed=options.seed, progress=progress
-            )
-        trajectory.save(options.output)
-    print(
-        f"{options.output}: {trajectory.n} joints, {trajectory.harmonics} harmonics of "
-        f"{trajectory.fundamental_hz:g} Hz, {trajectory.periods} periods of {trajectory.period:g} s, "
-        f"{trajectory.rest:g} s at rest before and after"
-    )
-    if trajectory.note:
-        print(trajectory.note)
-    return 0
 
 
 def simulate(options: argparse.Namespace, arguments: Sequence[str]) -> int:
@@ -282,7 +259,7 @@ def report(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 COMMANDS: dict[str, Callable[[argparse.Namespace, Sequence[str]], int]] = {
     "demo": demo,
-    "excite": excite,
+    "excite": designing.excite,
     "simulate": simulate,
     "import": import_log,
     "inspect": inspect,

@@ -11,8 +11,8 @@ from identify.cli.options import (
     LOG,
     as_json,
     count,
-    duration,
     estimator,
+    excitation,
     fitting,
     frame,
     output,
@@ -128,21 +128,15 @@ def _excite(commands: Any) -> None:
         "excite",
         "design a motion from which parameters can be learnt",
         "A periodic Fourier motion, at rest at both ends, inside the robot's limits of position, velocity,\n"
-        "acceleration and effort.",
-        "identify excite rx90 -o trajectory.toml --criterion torque --seed 1",
+        "acceleration and effort, that keeps a serial arm's links off each other and off the floor; and the standard\n"
+        "deviations to expect of a fit to it. With --from, it is the motion that adds most to earlier results.",
+        "identify excite rx90 -o next.toml --from result --starts 5",
     )
     robot(command)
     output(command, "TRAJECTORY.toml", "file to write")
-    command.add_argument(
-        "--criterion",
-        choices=("torque", "energy", "both"),
-        default="torque",
-        help="model whose parameters the motion is designed for (default: %(default)s)",
-    )
-    command.add_argument(
-        "--duration", type=duration, default=10.0, metavar="S", help="length of one period (default: %(default)g s)"
-    )
-    seed(command, "of the design's random start")
+    excitation(command)
+    seed(command, "of the design's random starts")
+    as_json(command)
 
 
 def _simulate(commands: Any) -> None:

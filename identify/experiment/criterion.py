@@ -7,7 +7,7 @@ import numpy as np
 from identify.experiment.entries import Motion
 from identify.experiment.fourier import one_period
 from identify.experiment.information import EnergyModel, TorqueModel, log_variance, reference_factor, scaled_condition
-from identify.experiment.knowledge import Knowledge
+from identify.experiment.knowledge import Knowledge, parameter_sizes, standard_deviations
 from identify.experiment.limits import WorkingLimits
 from identify.experiment.trajectory import random_trajectory
 from identify.regressor.regressor import Regressor
@@ -22,7 +22,8 @@ class Criterion:
     """`information.log_variance` of the models named, on a grid of one period, with exact derivatives.
 
     samples of the period and `every` of a window of the energy model. What is known of earlier experiments counts as
-    so many more rows beside those of `periods` periods.
+    so many more rows beside those of `periods` periods; what is to be predicted well are then not torques but the
+    parameters themselves, in shares of their sizes, so that the worst count most (A-optimal).
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class Criterion:
             torque, energy = periods * duration, periods * self.windows / self.energy.loudest
             self._torque_known = root * (self.torque_scale / np.sqrt(torque))
             self._energy_known = root * (self.energy_scale / np.sqrt(energy))
+            self._reference = np.diag(_shares(regressor, known.information))
 
     def _set_reference(self, hz: float, harmonics: int) -> None:
         """Sizes of the columns, and the rows that stand for the torque of motions of this kind."""
@@ -101,6 +103,14 @@ def _column_scale(columns: np.ndarray, motions: int) -> np.ndarray:
     """(p,) factors that bring the norm of each column (p, K) over one of several motions to 1 on average."""
     norm = np.sqrt(np.sum(columns**2, axis=1) / motions)
     return 1 / np.where(norm > 0, norm, 1.0)
+
+
+def _shares(regressor: Regressor, information: np.ndarray) -> np.ndarray:
+    """(p,) what deviations of the parameters are multiplied by to be shares of their sizes; of those that can't be told
+    from zero, or have no size, to be shares of what they are now."""
+    size, known = parameter_sizes(regressor), standard_deviations(information)
+    told = np.isfinite(known)
+    return 1 / np.where(told, np.maximum(size, known), np.where(size > 0, size, np.inf))
 
 
 def _root(information: np.ndarray) -> np.ndarray:

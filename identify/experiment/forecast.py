@@ -8,24 +8,23 @@ from typing import Any
 import numpy as np
 
 from identify.experiment.fourier import one_period
-from identify.experiment.knowledge import Knowledge
+from identify.experiment.knowledge import Knowledge, parameter_sizes, standard_deviations
 from identify.experiment.trajectory import Trajectory
 from identify.regressor.regressor import Regressor
 
 SHOWN = 10
 """Parameters in the table, the worst."""
 
-NONE = 1e-12
-"""Share of a parameter's standard deviation below which its value counts as zero."""
-
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
     """Standard deviations to expect of a fit of the model named, in the order of `Regressor.names`, SI.
 
-    values (p,): of the parameters as they are known now, std (p,): after the experiment together with what was known,
-    before (p,): by earlier experiments alone, None without any. Infinite where a parameter can't be told from others.
-    noise: what was assumed of it, in words.
+    values (p,): of the parameters as they are known now; sizes (p,): what percentages are of, |value|, and for an
+    offset at least its joint's Coulomb friction, 0 where nothing is known. std (p,): after the experiment together with
+    what was known, infinite where a parameter can't be told from others; before (p,): by earlier experiments alone,
+    None without any. blur (p,): std over what it would be if all other parameters were known. noise: what was assumed
+    of it, in words.
     """
 
     model: str
@@ -33,42 +32,41 @@ class Forecast:
     names: tuple[str, ...]
     units: tuple[str, ...]
     values: np.ndarray
+    sizes: np.ndarray
     std: np.ndarray
     before: np.ndarray | None
+    blur: np.ndarray
 
     @property
     def relative_percent(self) -> np.ndarray:
-        """(p,) 100·std / |value|; NaN where the value is zero or not known."""
-        return _relative(self.std, self.values)
+        """(p,) 100·std / size; NaN where the size is zero."""
+        return self._percent(self.std)
 
     @property
     def order(self) -> np.ndarray:
-        """(p,) parameters, the worst first: by relative standard deviation, before the experiment where that is known;
-        those without a value last."""
-        std = self.std if self.before is None else self.before
-        return np.argsort(-np.nan_to_num(_relative(std, self.values), nan=-1.0, posinf=np.inf), kind="stable")
+        """(p,) parameters, the worst first: by percentage, of before the experiment where there is one; then those
+        without a size, by their blur."""
+        percent = self._percent(self.std if self.before is None else self.before)
+        return np.lexsort((-self.blur, -np.nan_to_num(percent, nan=-1.0, posinf=np.inf)))
 
     def table(self) -> str:
         """The worst parameters, one a line, and how the others stand."""
         shown, rest = self.order[:SHOWN], self.order[SHOWN:]
-        wide = max(len(self.names[i]) for i in self.order)
-        head = ["parameter".ljust(max(9, wide)), f"{'value':>11}"]
-        head += [f"{'σ before':>10}", f"{'%':>8}"] if self.before is not None else []
-        head += [f"{'σ expected':>10}", f"{'%':>8}", "unit"]
-        lines = [f"expected of a fit of the {self.model} model, noise {self.noise}:", "  " + " ".join(head)]
-        relative = self.relative_percent
+        wide = max(9, *(len(self.names[i]) for i in self.order))
+        columns = [("expected", self.std)] if self.before is None else [("before", self.before), ("expected", self.std)]
+        head = "".join(f" {f'σ {name}':>11} {'%':>8}" for name, _ in columns)
+        lines = [f"expected of a fit of the {self.model} model, noise {self.noise}:"]
+        lines.append(f"  {'parameter':{wide}} {'value':>11}{head} unit")
         for i in shown:
-            row = [self.names[i].ljust(max(9, wide)), f"{self.values[i]:11.4g}"]
-            if self.before is not None:
-                row += [f"{self.before[i]:10.2g}", _percent(_relative(self.before, self.values)[i])]
-            row += [f"{self.std[i]:10.2g}", _percent(relative[i]), self.units[i]]
-            lines.append("  " + " ".join(row))
+            told = "".join(f" {std[i]:11.2g} {_shown(self._percent(std)[i])}" for _, std in columns)
+            value = f"{self.values[i]:11.4g}" if self.sizes[i] else f"{'not known':>11}"
+            lines.append(f"  {self.names[i]:{wide}} {value}{told} {self.units[i]}")
         if len(rest):
-            known = relative[rest][np.isfinite(relative[rest])]
-            blank = len(rest) - len(known)
-            words = f"{len(known)} more at {known.max():.2g} % or less" if len(known) else ""
-            words += f"{', ' if words else ''}{blank} of which no value is known" if blank else ""
-            lines.append(f"  {words}")
+            percent = self.relative_percent[rest]
+            known = percent[np.isfinite(percent)]
+            some = "" if len(known) == len(rest) else f", {len(known)} of them"
+            words = f"{some} at {known.max():.2g} % or less" if len(known) else ""
+            lines.append(f"  and {len(rest)} more{words}")
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
@@ -78,14 +76,19 @@ class Forecast:
             {
                 "name": name,
                 "unit": unit,
-                "value": float(self.values[i]),
+                "value": float(self.values[i]) if self.sizes[i] else None,
                 "std": _finite(self.std[i]),
                 "relative_std_percent": _finite(relative[i]),
                 "std_before": None if self.before is None else _finite(self.before[i]),
+                "blur": _finite(self.blur[i]),
             }
             for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
         ]
         return {"model": self.model, "noise": self.noise, "parameters": rows}
+
+    def _percent(self, std: np.ndarray) -> np.ndarray:
+        known = self.sizes > 0
+        return np.where(known, 100 * std / np.where(known, self.sizes, 1.0), np.nan)
 
 
 def forecast(
@@ -102,14 +105,17 @@ def forecast(
     if known.information is not None:
         before = standard_deviations(known.information)
         information = information + known.information
+    std = standard_deviations(information)
     return Forecast(
         model=model,
         noise=known.noise,
         names=regressor.names,
         units=regressor.units,
         values=regressor.parameters,
-        std=standard_deviations(information),
+        sizes=parameter_sizes(regressor),
+        std=std,
         before=before,
+        blur=std * np.sqrt(np.diag(information)),
     )
 
 
@@ -130,31 +136,14 @@ def experiment_information(
     return trajectory.periods * (rows.T @ rows)
 
 
-def standard_deviations(information: np.ndarray) -> np.ndarray:
-    """(p,) roots of the diagonal of its inverse; infinite for parameters that it can't tell from others."""
-    size = np.sqrt(np.diag(information))
-    scaled = information / np.outer(*(np.where(size > 0, size, 1.0),) * 2)
-    values, vectors = np.linalg.eigh(scaled)
-    told = values > 1e-13 * values[-1]
-    variance = (vectors[:, told] ** 2 / values[told]).sum(axis=1)
-    lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-6
-    return np.where(lost, np.inf, np.sqrt(variance)) / np.where(size > 0, size, 1.0)
-
-
 def _windows(signal: np.ndarray, every: int) -> np.ndarray:
     """Sums over windows of a closed period by the trapezoidal rule, (K,) or (K, c) from (N,) or (N, c)."""
     whole = (signal + np.roll(signal, -1, axis=0)) / 2
     return whole.reshape(-1, every, *signal.shape[1:]).sum(axis=1)
 
 
-def _relative(std: np.ndarray, values: np.ndarray) -> np.ndarray:
-    size = np.abs(values)
-    zero = size <= NONE * np.where(np.isfinite(std), std, 1.0)
-    return np.where(zero, np.nan, 100 * std / np.where(zero, 1.0, size))
-
-
-def _percent(value: float) -> str:
-    return f"{'':>8}" if np.isnan(value) else f"{value:8.2g}"
+def _shown(percent: float) -> str:
+    return f"{'':>8}" if np.isnan(percent) else f"{percent:8.2g}"
 
 
 def _finite(value: float) -> float | None:

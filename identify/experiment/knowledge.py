@@ -40,10 +40,18 @@ def noise_scale(robot: Robot) -> np.ndarray:
     return np.where(np.isfinite(effort), effort, 1.0)
 
 
-def joined(known: list[Knowledge], regressor: Regressor) -> Knowledge:
-    """Several experiments' knowledge as one: informations add up, the last one's noise counts."""
-    total = np.zeros((regressor.p, regressor.p))
-    for one in known:
-        if one.information is not None:
-            total += one.information
-    return Knowledge(known[-1].density, known[-1].noise, total)
+def parameter_sizes(regressor: Regressor) -> np.ndarray:
+    """(p,) |value| of each parameter as described, for an offset at least its joint's Coulomb friction."""
+    size = dict(zip(regressor.names, np.abs(regressor.parameters), strict=True))
+    return np.array([max(size[name], size.get(name.replace("off", "Fs"), 0.0)) for name in regressor.names])
+
+
+def standard_deviations(information: np.ndarray) -> np.ndarray:
+    """(p,) roots of the diagonal of its inverse; infinite for parameters that it can't tell from others."""
+    size = np.sqrt(np.diag(information))
+    scaled = information / np.outer(*(np.where(size > 0, size, 1.0),) * 2)
+    values, vectors = np.linalg.eigh(scaled)
+    told = values > 1e-13 * values[-1]
+    variance = (vectors[:, told] ** 2 / values[told]).sum(axis=1)
+    lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-6
+    return np.where(lost, np.inf, np.sqrt(variance)) / np.where(size > 0, size, 1.0)

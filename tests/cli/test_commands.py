@@ -237,3 +237,28 @@ def test_a_whole_session_in_processes_of_their_own(arm, tmp_path: Path) -> None:
     assert (refused.returncode, refused.stdout) == (2, "")
     assert refused.stderr == "identify: error: nowhere.mcap: there is no such file; check the name of the log\n"
     assert sorted(os.listdir(tmp_path)) == ["result", "torque.csv"]
+
+
+def test_excite_says_what_to_expect_and_starts_from_earlier_results(run, arm, result) -> None:
+    options = ("--duration", "2", "--starts", "1", "--periods", "2", "--harmonics", "4")
+    first = run("excite", arm.robot, "-o", "motion.toml", *options)
+    assert first.status == 0, first.err
+    assert "4 harmonics of 0.5 Hz, 2 periods of 2 s" in first.out
+    assert "expected of a fit of the torque model, noise 0.1 % of the effort limits" in first.out
+    assert "σ expected" in first.out
+    again = run("excite", arm.robot, "-o", "next.toml", *options, "--from", result, "--from", result, "--json")
+    assert again.status == 0, again.err
+    rows = again.json["forecast"]["parameters"]
+    assert all(0 < row["std"] < row["std_before"] for row in rows)
+    assert again.json["earlier"] == [str(result), str(result)]
+    assert again.json["assessment"]["torque_condition"] > 1
+    assert set(again.json["assessment"]["gaps_m"]) <= {"links", "floor"}
+    refused = run("excite", "rx90", "-o", "other.toml", "--from", result)
+    assert refused.status == 2
+    assert "another robot" in refused.err
+    assert refused.err.count("\n") == 1
+    nowhere = run("excite", arm.robot, "-o", "other.toml", "--from", "nowhere")
+    assert (nowhere.status, "no result folder" in nowhere.err) == (2, True)
+    assert run("excite", arm.robot, "-o", "other.toml", "--harmonics", "1").status == 2
+    free = run("excite", arm.robot, "-o", "free.toml", *options, "--no-collision", "--json")
+    assert free.json["assessment"]["gaps_m"] == {}

@@ -13,7 +13,7 @@ from identify.errors import InputError
 from identify.estimation.identification import Identification
 from identify.estimation.settings import Settings
 from identify.regressor.columns import COUPLED, MORE, JointColumns
-from identify.regressor.friction import SLIDING_ON
+from identify.regressor.friction import ASYMMETRIC, sliding_laws
 from identify.regressor.regressor import Regressor
 from identify.robot.mjcf import to_mjcf
 from identify.robot.robot import Drive, Robot
@@ -48,31 +48,31 @@ def plain_friction(
     """`extra` with viscous and Coulomb friction alone, which is all that a robot's description has room for.
 
     Those nearest to all forms of it together, in least squares over speeds up to `speeds` (arms,) of each joint and
-    coupled motor, neither of them negative. Without further forms, `extra` as it is.
+    coupled motor in both directions, under the mean load; none of them negative. Without further forms, `extra` as it
+    is.
     """
     from scipy.optimize import nnls
 
     if not regressor.forms or regressor.extra is None:
         return dict(extra)
+    columns = regressor.extra.columns
     kept = {name: value for name, value in extra.items() if name in JointColumns.of(regressor.robot).names}
-    arms = [column for column in regressor.extra.columns if column.kind in ("Fs", "Fsm")]
+    laws = sliding_laws(settings.sign, regressor.constants.stribeck_velocity)
+    arms = [column for column in columns if column.kind in ("Fs", "Fsm")]
+    shared = [column for column in columns if column.kind == "Fvm"]
     for column, top in zip(arms, speeds, strict=True):
-        v = np.linspace(0.0, max(top, 1e-3), 201)[1:]
-        viscous = f"{'Fvm' if column.ratios else 'Fv'}{column.index + 1}"
-        whole = extra[column.name] * settings.sign(v)
-        for form, kinds in MORE.items():
-            further = f"{kinds[1] if column.ratios else kinds[0]}{column.index + 1}"
-            whole += extra.get(further, 0.0) * SLIDING_ON[form](v)
-        if not column.ratios:
-            whole += extra[viscous] * v
-        kept[column.name], slope = nnls(np.column_stack([np.ones_like(v), v]), whole)[0]
-        if not column.ratios:
-            kept[viscous] = slope
-            continue
-        # A coupled motor's viscous friction is its cross terms; what falls on single joints is theirs.
-        kept[viscous] += slope
+        motor, v = bool(column.ratios), np.linspace(0.0, max(top, 1e-3), 201)[1:]
+        viscous = f"{'Fvm' if motor else 'Fv'}{column.index + 1}"
+        # What coupled motors put on a joint is theirs.
+        slope = extra[viscous] - sum(extra[c.name] * c.ratios[column.index] ** 2 for c in shared if not motor)
+        whole = extra[column.name] * settings.sign(v) + slope * v
+        for form in regressor.forms:
+            if form != ASYMMETRIC and motor < len(MORE[form]):
+                whole += extra.get(f"{MORE[form][motor]}{column.index + 1}", 0.0) * laws[form](v)
+        kept[column.name], kept[viscous] = nnls(np.column_stack([np.ones_like(v), v]), whole)[0]
+    for column in shared:
         for i, ratio in enumerate(column.ratios, 1):
-            kept[f"Fv{i}"] += slope * ratio**2
+            kept[f"Fv{i}"] += kept[column.name] * ratio**2
     return {name: float(value) for name, value in kept.items()}
 
 
@@ -162,8 +162,8 @@ def not_carried(result: Identification, robot: Robot, form: str) -> tuple[str, .
     if result.settings.friction:
         forms = " and ".join(form.replace("_", " ") for form in result.settings.friction)
         lost.append(
-            f"{forms} friction: viscous and Coulomb friction are those nearest to all of it together, up to the "
-            "speeds of the training logs"
+            f"{forms} friction: viscous and Coulomb friction are those nearest to all of it together, in both "
+            "directions and up to the speeds of the training logs"
         )
     velocity = result.settings.coulomb_velocity
     if velocity is not None:

@@ -18,8 +18,10 @@ import numpy as np
 
 from identify.errors import InputError
 from identify.estimation.reference import Reference
+from identify.estimation.resistance import resisting
 from identify.estimation.settings import STILL
-from identify.regressor.columns import JointColumns, column_kind
+from identify.regressor.columns import JointColumns, column_kind, smooth_sign
+from identify.regressor.friction import Sign
 from identify.regressor.regressor import Regressor
 
 PULL = 1e-3
@@ -31,15 +33,22 @@ LEFT_OUT = 30.0
 LEAST = 1e-5
 """Share of its reference body that every link keeps: P ⪰ LEAST·P₀, which is ≻ 0."""
 
+DRIVEN = 1e-4
+"""Share of a joint's largest friction that may drive it."""
+
+EVERY = 48
+"""Of the speeds at which friction has to resist, the programme looks at every so many-th, then at those where it would
+drive all the same."""
+
+LOOKS = 6
+"""How often it does so at most."""
+
 PRECISION = 1e-8
 """Relative standard deviation of the best known parameter below which no information is taken seriously."""
 
-NOT_NEGATIVE = ("Fv", "Fs", "Iam", "Fvm", "Fsm", "Fc", "Fp", "Fcm", "Fpm")
-"""Kinds of columns whose parameter is an inertia or takes energy away; Coulomb friction together with its HELPERS."""
-
-HELPERS = {"Fs": ("Fv", "Fc", "Fp"), "Fsm": ("Fvm", "Fcm", "Fpm")}
-"""Beside further forms of friction the Coulomb parameter may be negative, as long as all forms together resist at the
-speed up to which it grows, and so at every other: the others grow on or stay."""
+NOT_NEGATIVE = ("Fv", "Fs", "Iam", "Fvm", "Fsm")
+"""Kinds of columns whose parameter is an inertia or takes energy away. Beside further forms of friction viscous and
+Coulomb parameters may be negative, as long as all forms together resist."""
 
 WIDTH = 11
 
@@ -50,7 +59,8 @@ class Consistent:
 
     standard (11 n,) in the order of Robot.standard_names; extra {column: value} of friction, offset and transmission,
     those included that the regressor left out; parameters (p,) = θ of both, in the order of Regressor.names.
-    resistance: least that a joint's or motor's Coulomb friction and what helps it amount to [N·m or N].
+    resistance: least friction of a joint or motor, all forms together, in shares of its largest, over both directions
+    and speeds up to its limit (see `resistance`).
     cost: δᵀ·Λ·δ with δ how far they are from the estimate and Λ its information matrix, so that one parameter off by
     one standard deviation costs 1; pull: how far links, actuators and columns left out are from their references,
     unweighted. eigenvalues (n,): smallest of each link's pseudo-inertia, SI. primal_residual, dual_residual, gap,
@@ -73,10 +83,9 @@ class Consistent:
     @property
     def possible(self) -> bool:
         """Whether every link is a possible body, no drive has a negative inertia and no friction drives."""
-        alone = set(NOT_NEGATIVE) - set(HELPERS)
-        taken = [value for name, value in self.extra.items() if column_kind(name) in alone]
+        motors = [value for name, value in self.extra.items() if column_kind(name) == "Iam"]
         return bool(
-            self.eigenvalues.min() > 0 and min([*self.standard[10::WIDTH], *taken]) >= 0 and self.resistance >= 0
+            self.eigenvalues.min() > 0 and min([*self.standard[10::WIDTH], *motors]) >= 0 and self.resistance >= -DRIVEN
         )
 
 
@@ -97,9 +106,15 @@ def nearest_consistent(
     [kg], infinite where there is none. coulomb_velocity: speed up to which a smooth sign grows. InputError for bounds
     that no mass meets or if the solver finds no solution.
     """
-    problem = _Problem(regressor, estimate, information, reference, pull, coulomb_velocity or STILL)
-    solution, unknowns, size = _solve(problem, mass_bounds)
-    standard, extra, resistance = problem.read(unknowns)
+    problem = _Problem(regressor, estimate, information, reference, pull, smooth_sign(coulomb_velocity or STILL))
+    seconds = 0.0
+    for _ in range(LOOKS):
+        solution, unknowns, size = _solve(problem, mass_bounds)
+        standard, extra = problem.read(unknowns)
+        resistance = problem.resistance(extra)
+        seconds += float(solution.solve_time)
+        if resistance >= -DRIVEN:
+            break
     parameters = regressor.theta(standard, extra)
     apart = (unknowns - problem.centre)[problem.pulled > 0]
     return Consistent(
@@ -114,7 +129,7 @@ def nearest_consistent(
         dual_residual=float(solution.r_dual),
         gap=float(size**2 * abs(solution.obj_val - solution.obj_val_dual)),
         iterations=int(solution.iterations),
-        seconds=float(solution.solve_time),
+        seconds=seconds,
     )
 
 
@@ -133,7 +148,7 @@ class _Problem:
         information: np.ndarray,
         reference: Reference,
         pull: float,
-        slow: float,
+        sign: Sign,
     ) -> None:
         n, m = regressor.robot.n, len(regressor.base.names)
         self.n = n
@@ -141,16 +156,9 @@ class _Problem:
         kept = regressor.extra.columns if regressor.extra else ()
         self.columns = (*kept, *(column for column in every if column.name in regressor.dropped))
         self.names = tuple(column.name for column in self.columns)
-        weight = {"Fv": slow, "Fvm": slow, "Fc": np.cbrt(slow), "Fcm": np.cbrt(slow), "Fp": 1.0, "Fpm": 1.0}
-        self.helped = {
-            column.name: {
-                name: weight[kind]
-                for kind in HELPERS[column.kind]
-                if regressor.forms and (name := f"{kind}{column.index + 1}") in self.names
-            }
-            for column in self.columns
-            if column.kind in HELPERS
-        }
+        self.forms = regressor.forms
+        self.arms = resisting(regressor, sign)
+        self.watched = [set(range(0, len(arm.rows), EVERY)) if self.forms else set() for arm in self.arms]
         self.actuators = reference.actuators
         self.maps = np.array([_from_triangle(np.linalg.cholesky(body)) for body in reference.bodies])
         self.root = _root(information, estimate)
@@ -171,20 +179,32 @@ class _Problem:
         self.centre = np.concatenate([np.tile(_EYE, n), np.ones(n), np.zeros(len(self.names))])
         self.estimate = estimate
 
-    def read(self, unknowns: np.ndarray) -> tuple[np.ndarray, dict[str, float], float]:
-        """Standard parameters (11 n,), friction and transmission by name, and the least resistance; what may not be
-        negative is not."""
+    def read(self, unknowns: np.ndarray) -> tuple[np.ndarray, dict[str, float]]:
+        """Standard parameters (11 n,), friction and transmission by name; what may not be negative alone is not."""
         n = self.n
         bodies = np.array([_raised(triangle) for triangle in unknowns[: 10 * n].reshape(n, 10)])
         links = np.einsum("nik,nk->ni", self.maps, bodies)
         actuators = np.maximum(unknowns[10 * n : 11 * n], 0.0) * self.actuators
         extra = dict(zip(self.names, (unknowns[11 * n :] * self.units).tolist(), strict=True))
-        alone = set(NOT_NEGATIVE) - set(HELPERS)
-        kept = {name: max(value, 0.0) if column_kind(name) in alone else value for name, value in extra.items()}
-        least = {name: -sum((w * kept[x] for x, w in others.items()), 0.0) for name, others in self.helped.items()}
-        kept |= {name: max(kept[name], floor) for name, floor in least.items()}
-        resistance = min((kept[name] - floor for name, floor in least.items()), default=0.0)
-        return np.column_stack([links, actuators]).ravel(), kept, resistance
+        alone = self._alone
+        extra = {name: max(value, 0.0) if column_kind(name) in alone else value for name, value in extra.items()}
+        return np.column_stack([links, actuators]).ravel(), extra
+
+    @property
+    def _alone(self) -> tuple[str, ...]:
+        """Kinds of columns whose parameter may not be negative, whatever the others are."""
+        return ("Iam",) if self.forms else NOT_NEGATIVE
+
+    def resistance(self, extra: dict[str, float]) -> float:
+        """The least friction of a joint or motor in shares of its largest; from now on where it drives is watched."""
+        shares = [0.0]
+        for arm, watched in zip(self.arms, self.watched, strict=True):
+            total = arm.rows @ np.array([extra.get(name, 0.0) for name in arm.names])
+            worst = int(total.argmin())
+            shares.append(float(total[worst] / max(np.abs(total).max(), 1e-300)))
+            if self.forms and shares[-1] < -DRIVEN:
+                watched.add(worst)
+        return min(shares)
 
     def not_negative(self) -> np.ndarray:
         """(rows, unknowns) whose product with the unknowns may not be negative.
@@ -195,19 +215,22 @@ class _Problem:
         rows = list(np.eye(size)[10 * n : 11 * n])
         at = {(column.kind, column.index): 11 * n + k for k, column in enumerate(self.columns)}
         whole = {("Iam", j): rows[j] * self.actuators[j] for j in range(n)}
-        whole |= {("Fvm", j): self._unit(at["Fv", j]) for j in range(n) if ("Fv", j) in at}
+        if not self.forms:
+            whole |= {("Fvm", j): self._unit(at["Fv", j]) for j in range(n) if ("Fv", j) in at}
         shared = {key: row.copy() for key, row in whole.items()}
         for column in self.columns:
-            if column.kind in NOT_NEGATIVE:
-                row = self._unit(at[column.kind, column.index])
-                for name, share in self.helped.get(column.name, {}).items():
-                    row += share * self._unit(11 * n + self.names.index(name))
-                rows.append(row / np.abs(row).max())
+            if column.kind in self._alone:
+                rows.append(self._unit(at[column.kind, column.index]))
             for j, ratio in enumerate(column.ratios):
                 if (column.kind, j) in shared:
                     shared[column.kind, j] -= ratio**2 * self._unit(at[column.kind, column.index])
-        rows += [row / np.abs(row).max() for key, row in shared.items() if not np.array_equal(row, whole[key])]
-        return np.array(rows)
+        rows += [row for key, row in shared.items() if not np.array_equal(row, whole[key])]
+        for arm, watched in zip(self.arms, self.watched, strict=True):
+            places = [11 * n + self.names.index(name) for name in arm.names]
+            part = np.zeros((len(watched), size))
+            part[:, places] = arm.rows[sorted(watched)] * self.units[[k - 11 * n for k in places]]
+            rows += list(part)
+        return np.array([row / np.abs(row).max() for row in rows])
 
     def masses(self) -> np.ndarray:
         """(n, unknowns) whose product with the unknowns is the mass of each link [kg]."""

@@ -60,9 +60,6 @@ def sliding_laws(
     }
 
 
-SLIDING_ON = sliding_laws()
-
-
 def further_forms(friction: bool | Collection[str]) -> tuple[str, ...]:
     """The forms of FURTHER that are asked for, in its order; True asks for none. InputError for an unknown name."""
     names = () if isinstance(friction, bool) else tuple(friction)

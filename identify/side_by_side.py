@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from threading import local
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from concurrent.futures import Future
+    from concurrent.futures import Future, ThreadPoolExecutor
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -16,13 +18,17 @@ R = TypeVar("R")
 MOST = 4
 """Threads beyond which Python itself is what they wait for."""
 
+_here = local()
+
 
 def workers() -> int:
-    """How many threads are worth having: one in a process that is itself one of many."""
+    """How many threads are worth having: one in a process that is itself one of many, and for parts of parts."""
     import multiprocessing
 
+    if getattr(_here, "at_work", False) or multiprocessing.parent_process():
+        return 1
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return 1 if multiprocessing.parent_process() else min(cores, MOST)
+    return min(cores, MOST)
 
 
 def mapped(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
@@ -35,9 +41,7 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     if count == 1:
         yield from map(function, items)
         return
-    from concurrent.futures import ThreadPoolExecutor
-
-    pool = ThreadPoolExecutor(count)
+    pool = _threads(count)
     waiting: deque[Future[R]] = deque()
     try:
         for item in items:
@@ -47,4 +51,13 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
         while waiting:
             yield waiting.popleft().result()
     finally:
-        pool.shutdown(cancel_futures=True)
+        for future in waiting:
+            future.cancel()
+
+
+@cache
+def _threads(count: int) -> ThreadPoolExecutor:
+    """The same ones for all work: each keeps memory of its own."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return ThreadPoolExecutor(count, initializer=lambda: setattr(_here, "at_work", True))

@@ -18,6 +18,7 @@ from identify.estimation.settings import Settings
 from identify.logs.log import Log
 from identify.regressor.columns import Sign
 from identify.regressor.regressor import Regressor
+from identify.side_by_side import mapped
 
 PASSES = 3
 """Times that the rows are weighted anew by the residuals of the solution before."""
@@ -37,18 +38,22 @@ class EnergyObservation:
 
 def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> EnergyObservation:
     """The log's energy rows over windows of settings.window_s, position low-passed at energy_cutoff_hz."""
-    assert settings.window_s is not None
+    window = settings.window_s
+    assert window is not None
     assert settings.energy_cutoff_hz is not None
     used = replace(settings, position_cutoff_hz=settings.energy_cutoff_hz)
-    parts = []
-    # A window belongs to the piece in which it starts, and may end in the next.
-    for s in signal_pieces(log, used, regressor, margin=settings.window_s + 0.1):
-        width, end = max(1, round(settings.window_s * s.rate)), round(END_S * s.rate)
+    sign = used.sign if used.rest_counted else np.sign
+
+    def rows(s: Signals) -> EnergyObservation | None:
+        # A window belongs to the piece in which it starts, and may end in the next.
+        width, end = max(1, round(window * s.rate)), round(END_S * s.rate)
         begin, stop = s.first + s.inside.start - end, s.first + s.inside.stop - end
         windows = (s.total - 2 * end - 1) // width
         edges = width * np.arange(max(0, -(-begin // width)), min(windows, -(-stop // width)) + 1) + end - s.first
-        if len(edges) > 1:
-            parts.append(_windows(regressor, s, edges, width, used.sign if used.rest_counted else np.sign))
+        return _windows(regressor, s, edges, width, sign) if len(edges) > 1 else None
+
+    pieces = signal_pieces(log, used, regressor, margin=window + 0.1)
+    parts = [part for part in mapped(rows, pieces) if part is not None]
     if not parts:
         raise UnsupportedLogError(f"0 equations are left for {regressor.p} parameters: record a longer motion")
     return stacked_energy(parts)
@@ -57,9 +62,11 @@ def energy_observation(regressor: Regressor, log: Log, settings: Settings) -> En
 def _windows(regressor: Regressor, s: Signals, edges: np.ndarray, width: int, sign: Sign) -> EnergyObservation:
     """The rows between consecutive edges, indices into the signals, `width` apart."""
     matrix = np.diff(regressor.energy(s.q[edges], s.dq[edges]), axis=0)
-    taken = _integrals(regressor.power(s.dq, sign, s.slip, regressor.load(s.q, s.dq, s.ddq)), s, edges)
+    inertial = len(regressor.base.names)
+    power = regressor.power(s.dq, sign, s.slip, regressor.load(s.q, s.dq, s.ddq))
+    matrix[:, inertial:] += _integrals(power[:, inertial:], s, edges)
     work = _integrals((s.dq * s.effort).sum(axis=1, keepdims=True), s, edges)[:, 0]
-    return EnergyObservation(matrix + taken, work, _integrals(s.dq**2, s, edges), s.rate / width, regressor.names)
+    return EnergyObservation(matrix, work, _integrals(s.dq**2, s, edges), s.rate / width, regressor.names)
 
 
 def stacked_energy(observations: list[EnergyObservation]) -> EnergyObservation:

@@ -108,6 +108,9 @@ def scaled_solution(
     the rows say nothing about.
     """
     equations = len(w) if equations is None else equations
+    if len(w) > 2 * w.shape[1]:
+        factor = np.asarray(np.linalg.qr(np.column_stack([w, y]), mode="r"))
+        w, y = factor[:, :-1], factor[:, -1]
     scale = np.linalg.norm(w, axis=0)
     silent = [name for name, s in zip(names, scale, strict=True) if s <= 1e-9 * scale.max()]
     if silent:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.friction import Presliding
 from identify.regressor.regressor import Regressor
+from identify.side_by_side import mapped
 
 WORKING_RATE_HZ = 400.0
 """Logs are brought down to about this rate, by a zero-phase low-pass, before regressors are built."""
@@ -73,7 +74,8 @@ def signal_pieces(
 ) -> Iterator[Signals]:
     """The log piece by piece of `length` [s], PIECE_S by default, each with `margin` [s] of settled signals around it,
     by default what the parallel filter needs; less at the log's ends. The regressor is that of presliding states."""
-    assert log.effort is not None
+    measured = log.effort
+    assert measured is not None
     time, rate, regular = clock(log)
     factor = max(1, int(rate // WORKING_RATE_HZ))
     total = -(-len(time) // factor)
@@ -82,30 +84,36 @@ def signal_pieces(
     step = total if length == np.inf else max(1, round((length or PIECE_S) * rate / factor))
     states = States(settings.presliding(regressor))
     lead = -(-settled(min(cutoff, 0.4 * rate / factor), rate) // factor)
-    for start in range(0, total, step):
+
+    def filtered(start: int) -> tuple[Signals, np.ndarray]:
+        """The piece that starts there, without presliding states, and the positions that these follow."""
         # In rows at the working rate: the piece, what its margin reaches, and what the position's filter needs.
         inside = range(start, min(start + step, total))
         shown = range(max(0, inside.start - around), min(total, inside.stop + around))
         needed = range(max(0, shown.start - lead), min(total, shown.stop + lead))
         samples = slice(needed.start * factor, min(len(time), needed.stop * factor))
-        position, effort = log.position[samples], log.effort[samples]
+        position, effort = log.position[samples], measured[samples]
         if not regular:
-            position, effort = resampled(log, time[samples], log.position, log.effort)
+            position, effort = resampled(log, time[samples], log.position, measured)
         q, dq, ddq = differentiated(position, cutoff, rate)
         kept = slice(shown.start - needed.start, shown.stop - needed.start)
         # The motion is already low-passed: taking every factor-th row of it is enough where the cut-off allows.
-        yield Signals(
+        found = Signals(
             time=time[samples][::factor][kept],
             q=q[::factor][kept],
             dq=dq[::factor][kept],
             ddq=ddq[::factor][kept],
             effort=decimated(effort, factor, rate)[kept],
-            slip=states(q[kept.start * factor : kept.stop * factor], shown.start * factor, factor),
+            slip=None,
             rate=rate / factor,
             first=shown.start,
             inside=range(inside.start - shown.start, inside.stop - shown.start),
             total=total,
         )
+        return found, q[kept.start * factor : kept.stop * factor]
+
+    for piece, q in mapped(filtered, range(0, total, step)):
+        yield replace(piece, slip=states(q, piece.first * factor, factor))
 
 
 class States:
@@ -173,36 +181,42 @@ class Thinning:
 
 def torque_blocks(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Iterator[Observation]:
     """The logs' rows of the torque model, block by block: the one way in which they are made."""
+
+    def block(s: Signals) -> Observation | None:
+        thin = Thinning.of(s, settings)
+        if not thin.rows:
+            return None
+        matrices, efforts = [], []
+        for rows, support, mask in zip(_rows(regressor, s, settings), regressor.supports, thin.mask, strict=True):
+            rows *= mask
+            kept = thin(rows)
+            matrix = np.zeros((len(thin.rows), regressor.p))
+            matrix[:, support] = kept[:-1].T
+            matrices.append(matrix)
+            efforts.append(kept[-1])
+        weight = np.clip(thin(thin.mask.astype(float)), 0, 1).T
+        rate = s.rate / thin.step
+        return Observation(tuple(matrices), tuple(efforts), s.time[thin.rows], weight, rate, regressor.names)
+
     for log in logs:
-        for s in signal_pieces(log, settings, regressor):
-            thin = Thinning.of(s, settings)
-            if not thin.rows:
-                continue
-            matrices, efforts = [], []
-            for rows, support, mask in zip(_rows(regressor, s, settings), regressor.supports, thin.mask, strict=True):
-                rows *= mask
-                kept = thin(rows)
-                matrix = np.zeros((len(thin.rows), regressor.p))
-                matrix[:, support] = kept[:-1].T
-                matrices.append(matrix)
-                efforts.append(kept[-1])
-            weight = np.clip(thin(thin.mask.astype(float)), 0, 1).T
-            rate = s.rate / thin.step
-            yield Observation(tuple(matrices), tuple(efforts), s.time[thin.rows], weight, rate, regressor.names)
+        for found in mapped(block, signal_pieces(log, settings, regressor)):
+            if found is not None:
+                yield found
 
 
 def torque_residual(
     regressor: Regressor, logs: Sequence[Log], settings: Settings, parameters: np.ndarray
 ) -> np.ndarray:
     """(rows, n) effort − matrix·parameters of the rows of `torque_blocks`, without any matrix."""
-    parts = []
-    for log in logs:
-        for s in signal_pieces(log, settings, regressor):
-            thin = Thinning.of(s, settings)
-            if thin.rows:
-                predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign, s.slip)
-                parts.append(thin((s.effort - predicted).T * thin.mask).T)
-    return np.concatenate(parts)
+
+    def part(s: Signals) -> np.ndarray:
+        thin = Thinning.of(s, settings)
+        if not thin.rows:
+            return np.empty((0, regressor.robot.n))
+        predicted = regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign, s.slip)
+        return thin((s.effort - predicted).T * thin.mask).T
+
+    return np.concatenate([x for log in logs for x in mapped(part, signal_pieces(log, settings, regressor))])
 
 
 def _rows(regressor: Regressor, s: Signals, settings: Settings) -> list[np.ndarray]:

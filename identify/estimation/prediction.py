@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -56,13 +56,16 @@ def stretches(log: Log, predictors: Sequence[Predictor], parts: Iterable[slice])
     ticks = clock(log)
     states = [States(predictor.settings.presliding(predictor.regressor)) for predictor in predictors]
     cutoffs = [predictor.settings.position_cutoff_hz for predictor in predictors]
-    for part in parts:
+
+    def moved(part: slice) -> Stretch:
         between = None if ticks[0] is log.time else log.time[part]
         rows = part if between is None else beneath(ticks[0], between)
         found = {cutoff: motion_at(log, rows, cutoff, ticks) for cutoff in set(cutoffs)}
-        motions = tuple(found[cutoff] for cutoff in cutoffs)
-        slips = tuple(state(motion.q, rows.start, 1) for state, motion in zip(states, motions, strict=True))
-        yield Stretch(part, rows, motions, slips, between)
+        return Stretch(part, rows, tuple(found[cutoff] for cutoff in cutoffs), (), between)
+
+    for stretch in mapped(moved, parts):
+        slips = (s(motion.q, stretch.rows.start, 1) for s, motion in zip(states, stretch.motions, strict=True))
+        yield replace(stretch, slips=tuple(slips))
 
 
 def predicted_effort(regressor: Regressor, log: Log, parameters: np.ndarray, settings: Settings) -> np.ndarray:

@@ -29,22 +29,22 @@ _LEAST = 20
 LEFT = "kept; the low-pass spreads them out: remove them, or record again"
 
 
-def of_joint(log: Log, j: int, speed: np.ndarray) -> list[Finding]:
-    """Findings of joint j's channels, of those that hold finite numbers alone; speed (N,): mean, from position."""
-    from identify.logs.triage import REST_SPEED
-
+def of_joint(log: Log, j: int, speed: np.ndarray, moving: np.ndarray) -> list[Finding]:
+    """Findings of joint j's channels, of those that hold finite numbers alone; speed (N,): mean, from position; moving
+    (N,): where it is above that of rest."""
     findings: list[Finding] = []
     if log.samples < _LEAST:
         return findings
-    joint, moving = log.joints[j], np.abs(speed) > REST_SPEED
+    joint = log.joints[j]
     for what, values in (("position", log.position), ("velocity", log.velocity), ("effort", log.effort)):
         x = np.empty(0) if values is None else np.ascontiguousarray(values[:, j])
         if not len(x) or not np.isfinite(x).all() or np.ptp(x) == 0:
             continue
         smallest = SMALLEST[what] * robust_range(x)
-        findings += _of_spikes(what, joint, x, log.time, smallest)
+        spiked = spikes(x, smallest)
+        findings += _of_spikes(what, joint, x, log.time, spiked)
         if what == "position":
-            findings += _of_jumps(joint, x, log.time, smallest)
+            findings += _of_jumps(joint, x, log.time, smallest, spiked)
         held = _of_held(what, joint, x, moving, log.time)
         findings += held or _of_frozen(what, joint, x, moving, log.time)
         findings += _of_clipping(what, joint, x)
@@ -52,8 +52,7 @@ def of_joint(log: Log, j: int, speed: np.ndarray) -> list[Finding]:
     return findings
 
 
-def _of_spikes(what: str, joint: str, x: np.ndarray, time: np.ndarray, smallest: float) -> list[Finding]:
-    found = spikes(x, smallest)
+def _of_spikes(what: str, joint: str, x: np.ndarray, time: np.ndarray, found: np.ndarray) -> list[Finding]:
     if not len(found):
         return []
     largest = float(np.abs(x[found] - x[found - 1]).max())
@@ -62,9 +61,8 @@ def _of_spikes(what: str, joint: str, x: np.ndarray, time: np.ndarray, smallest:
     return [Finding("spikes", WARNING, text, LEFT, (joint,))]
 
 
-def _of_jumps(joint: str, x: np.ndarray, time: np.ndarray, smallest: float) -> list[Finding]:
+def _of_jumps(joint: str, x: np.ndarray, time: np.ndarray, smallest: float, spiked: np.ndarray) -> list[Finding]:
     found = jumps(x, time, smallest)
-    spiked = spikes(x, smallest)
     # Both flanks of a spike look like jumps.
     found = np.array([k for k in found if not len(spiked) or np.abs(spiked - k).min() > 5], dtype=int)
     if not len(found):
@@ -105,7 +103,8 @@ def _of_frozen(what: str, joint: str, x: np.ndarray, moving: np.ndarray, time: n
     if what == "position":
         return []
     starts, lengths = runs(np.diff(x) == 0)
-    moved = np.concatenate([[0], np.cumsum(moving)])
+    moved = np.zeros(len(moving) + 1, dtype=np.int32)
+    np.cumsum(moving, out=moved[1:])
     throughout = moved[starts + lengths] - moved[starts] == lengths
     starts, lengths = starts[throughout], lengths[throughout]
     if not len(starts):

@@ -18,6 +18,7 @@ from identify.logs.spans import Spans
 from identify.logs.velocity_check import NOT_USED, of_velocity
 from identify.logs.wording import counted
 from identify.robot.robot import Limits
+from identify.side_by_side import mapped
 
 STILL_RANGE = 0.01
 """A joint whose position spans no more than this [rad or m] does not move: friction can't be told from nothing."""
@@ -147,21 +148,27 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
     median, longest, gaps = _steps(log.time)
     spans = Spans.of(log.time, SPEED_SPAN)
     moving = np.zeros(log.samples, dtype=bool)
-    facts, odd = [], []
-    # One joint at a time: a log may be long.
-    for j in range(len(log.joints)):
+    facts, odd, velocities = [], [], []
+
+    def look(j: int) -> tuple[np.ndarray, JointFacts, list[Finding], list[Finding]]:
+        # A joint at a time: a log may be long.
         speed = spans.slope(np.ascontiguousarray(log.position[:, j]))
-        moving |= np.abs(speed) > REST_SPEED
-        facts.append(_joint_facts(log, j, speed))
-        odd += of_joint(log, j, speed)
-    moves = np.array([fact.moves for fact in facts], dtype=bool)
-    found = [
+        moves_now = np.abs(speed) > REST_SPEED
+        fact = _joint_facts(log, j, speed, moves_now)
+        return moves_now, fact, of_joint(log, j, speed, moves_now), of_velocity(log, j, spans, speed)
+
+    for moves_now, fact, found, of_its_velocity in mapped(look, range(len(log.joints))):
+        moving |= moves_now
+        facts.append(fact)
+        odd += found
+        velocities += of_its_velocity
+    findings = [
         *map(of_reading, log.findings),
         *of_clock(log.time),
         *_of_joints(log, facts),
         *odd,
         *of_copies(log),
-        *of_velocity(log, spans, moves),
+        *velocities,
         *_of_limits(log, facts, limits or {}),
     ]
     return Findings(
@@ -177,7 +184,7 @@ def inspect(log: Log, limits: Mapping[str, Limits] | None = None) -> Findings:
         has_velocity=log.velocity is not None,
         has_effort=log.effort is not None,
         joints=tuple(facts),
-        findings=tuple(found),
+        findings=tuple(findings),
     )
 
 
@@ -219,14 +226,13 @@ def _steps(time: np.ndarray) -> tuple[float, float, int]:
     return median, float(steps.max()), int((steps > GAP * median).sum())
 
 
-def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
+def _joint_facts(log: Log, j: int, speed: np.ndarray, moving: np.ndarray) -> JointFacts:
     position = log.position[:, j]
     finite = position[np.isfinite(position)]
     if not len(finite):
         return JointFacts(log.joints[j], math.nan, math.nan, math.nan, None, None, 1.0, 1.0)
     effort = np.empty(0) if log.effort is None else log.effort[:, j]
     effort = effort[np.isfinite(effort)]
-    rest = np.abs(speed) <= REST_SPEED
     repeated = np.diff(position) == 0
     return JointFacts(
         joint=log.joints[j],
@@ -235,7 +241,7 @@ def _joint_facts(log: Log, j: int, speed: np.ndarray) -> JointFacts:
         max_speed=float(np.nanmax(np.abs(speed))),
         effort_min=float(effort.min()) if len(effort) else None,
         effort_max=float(effort.max()) if len(effort) else None,
-        rest_share=float(rest.mean()),
+        rest_share=float(1.0 - moving.mean()),
         repeated_share=float(repeated.mean()) if len(repeated) else 0.0,
     )
 

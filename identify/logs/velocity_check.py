@@ -16,31 +16,34 @@ FITS = 0.1
 NOT_USED = "kept; fits take their velocity from position"
 
 
-def of_velocity(log: Log, spans: Spans, moves: np.ndarray) -> list[Finding]:
-    """Findings of the velocity; spans: those of the log over which speeds are taken; moves (n,): joints that do.
+def of_velocity(log: Log, j: int, spans: Spans, own: np.ndarray) -> list[Finding]:
+    """Findings of joint j's velocity; spans: those of the log over which speeds are taken; own (N,): its speed there.
 
     The mean over the same span of a velocity that is the derivative equals the mean speed exactly; its slope on the
     mean speed tells sign, unit and gear ratio, another joint's speed a swap.
     """
-    if log.velocity is None or log.samples < 20:
+    if log.velocity is None or log.samples < 20 or not _moves(log, j):
         return []
-    findings = []
-    for j, joint in enumerate(log.joints):
-        v = np.ascontiguousarray(log.velocity[:, j])
-        if not moves[j] or not np.isfinite(v).all() or np.ptp(v) == 0:
-            continue
-        mean, own = spans.mean(v), spans.slope(np.ascontiguousarray(log.position[:, j]))
-        slope = float(own @ mean / (own @ own))
-        if _apart(mean, own) <= FITS:
-            continue
-        words = f"the velocity of {joint} is not the derivative of its position"
-        if _apart(mean, slope * own) <= FITS:
-            findings.append(Finding("velocity", WARNING, f"{words} but {_factor(slope)}", NOT_USED, (joint,)))
-            continue
-        others = [k for k in np.flatnonzero(moves) if k != j and _apart(mean, spans.slope(log.position[:, k])) <= FITS]
-        why = f" but that of {log.joints[others[0]]}" if others else f": they differ by {100 * _apart(mean, own):.0f} %"
-        findings.append(Finding("velocity", WARNING, words + why, NOT_USED, (joint,)))
-    return findings
+    v, joint = np.ascontiguousarray(log.velocity[:, j]), log.joints[j]
+    if not np.isfinite(v).all() or np.ptp(v) == 0:
+        return []
+    mean = spans.mean(v)
+    slope = float(own @ mean / (own @ own))
+    if _apart(mean, own) <= FITS:
+        return []
+    words = f"the velocity of {joint} is not the derivative of its position"
+    if _apart(mean, slope * own) <= FITS:
+        return [Finding("velocity", WARNING, f"{words} but {_factor(slope)}", NOT_USED, (joint,))]
+    others = (k for k in range(len(log.joints)) if k != j and _moves(log, k))
+    alike = [k for k in others if _apart(mean, spans.slope(log.position[:, k])) <= FITS]
+    why = f" but that of {log.joints[alike[0]]}" if alike else f": they differ by {100 * _apart(mean, own):.0f} %"
+    return [Finding("velocity", WARNING, words + why, NOT_USED, (joint,))]
+
+
+def _moves(log: Log, j: int) -> bool:
+    from identify.logs.triage import STILL_RANGE
+
+    return bool(np.ptp(log.position[:, j]) > STILL_RANGE)
 
 
 def _apart(a: np.ndarray, b: np.ndarray) -> float:

@@ -133,6 +133,4 @@ def _told(median: float, largest: float) -> str:
         word = "some way off the training motion"
     else:
         word = "far from the training motion, where the model is extrapolated"
-    return (
-        f"{word}: half of its states within {median:.2g} of its spread from a training state, all within {largest:.2g}"
-    )
+    return f"{word}: {median:.2g} of its spread away (median; at most {largest:.2g})"

@@ -71,6 +71,19 @@ def test_what_was_found_in_a_log_warns(record: dict[str, Any]) -> None:
     assert verdict(record)["reasons"] == ["test.mcap: the recording has 1 gap"]
 
 
+def test_a_repeat_of_the_training_motion_tests_nothing(record: dict[str, Any]) -> None:
+    repeat = record["test"][0]["motion"]["repeat"]
+    repeat |= {"share_percent": 30.0, "repeats": False}
+    found = verdict(record)
+    assert use(found, "prediction of joint torque")["status"] == "MET"
+    assert "repeats the training motion for 30 % of its moving time" in found["reasons"][0]
+    repeat |= {"share_percent": 80.0, "repeats": True}
+    found = verdict(record)
+    assert found["status"] == "warn"
+    assert use(found, "prediction of joint torque")["status"] == "NOT TESTED"
+    assert use(found, "simulation")["status"] == "NOT TESTED"
+
+
 def test_a_training_log_tests_nothing(record: dict[str, Any]) -> None:
     record["test"][0]["is_a_training_log"] = True
     found = verdict(record)

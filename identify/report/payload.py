@@ -45,12 +45,11 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
     """The report as HTML, a pure function of the record of `payload.json` and the arrays of `curves.npz`."""
     clean: Record = printable(record)
     with drawing():
-        sections = [_verdict(clean), _load(clean), _residuals(clean, curves)]
-        sections += [_friction(clean), _physics(clean)] if not rejected(clean) else []
+        sections = [_verdict(clean)]
+        if not rejected(clean):
+            sections += [_load(clean), _residuals(clean, curves), _friction(clean), _physics(clean)]
         sections.append(_provenance(clean, len(sections) + 1))
     name = part(clean, "robot", "name") or "robot"
-    if rejected(clean):
-        sections = [s for s in sections if s.key in ("verdict", "provenance")]
     links = "".join(f'<li><a href="#{s.key}">{s.title}</a></li>' for s in sections)
     shown = "\n".join(section_html(s) for s in sections)
     main = f'{SPRITE}\n<main>\n{_header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n{shown}\n</main>'
@@ -86,11 +85,9 @@ def _glance(record: Record) -> str:
     """Figures at a glance."""
     body = {row["name"]: row for row in items(record, "load", "body")}
     mass, centre = body["mass"], [body[f"com_{axis}"] for axis in "xyz"]
+    weight, sigma = entry(mass["estimate"], mass["std"])
     shown = [
-        (
-            " ± ".join(x for x in entry(mass["estimate"], mass["std"]) if x),
-            "mass [kg]" + (", as stated" if mass.get("known") else ", ± its standard deviation"),
-        ),
+        (weight, "mass [kg], as stated" if mass.get("known") else f"mass [kg], ± {sigma}"),
         (_farthest(centre), "largest standard deviation of the centre of mass [mm]"),
         (percent(part(record, "fit", "without", "moving_relative_residual_percent")), "error while moving, no load"),
         (percent(part(record, "fit", "with", "moving_relative_residual_percent")), "error while moving, with load"),
@@ -108,14 +105,10 @@ def _farthest(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _load(record: Record) -> Section:
     """The ten parameters in every form that somebody may need."""
-    title, question = "Load", "Mass, centre of mass, inertia?"
-    if rejected(record):
-        why = reason(record, "load")
-        return Section("load", 2, title, question, absent("No load.", why), why=why)
     load = part(record, "load")
     frame = subscripts(str(load["frame"]))
     body = [f'<p class="lead">{prose(subscripts(load["frame_note"]))}</p>']
-    body.append(_table(record, load["body"], f"Mass, centre of mass and inertia about it, in the axes of {frame}"))
+    body.append(_table(record, load["body"], f"Mass, centre of mass, inertia in the axes of {frame}", True))
     if load["flange"]:
         body.append("<h3>In the frame of the flange</h3>")
         body.append('<p class="remark">The tool frame that the robot file places in the last one.</p>')
@@ -126,10 +119,11 @@ def _load(record: Record) -> Section:
     more = _table(record, load["standard"], f"Standard parameters about {origin}")
     body.append(fold(f"About {origin}, as standard parameters", more, "first moments and inertia about the origin"))
     body.append(_gains(record))
-    return Section("load", 2, title, question, "".join(body))
+    return Section("load", 2, "Load", "Mass, centre of mass, inertia?", "".join(body))
 
 
-def _table(record: Record, rows: Sequence[Mapping[str, Any]], label: str) -> str:
+def _table(record: Record, rows: Sequence[Mapping[str, Any]], label: str, told: bool = False) -> str:
+    """Value, σ, share, truth and state of each quantity; told: whether the notes say what a share is of."""
     truth = any(finite(row.get("truth")) is not None for row in rows)
     head = [("quantity", "text"), ("value", "value"), ("± σ", "sigma"), ("unit", "text"), ("share", "number")]
     head += [("truth", "number"), ("z", "number")] if truth else []
@@ -148,12 +142,13 @@ def _table(record: Record, rows: Sequence[Mapping[str, Any]], label: str) -> str
             true, z = finite(row.get("truth")), _score(row)
             line += [DASH if true is None else esc(entry(true, row.get("std"))[0]), esc(column([z], most=2)[0])]
         cells.append([*line, status(_state(row))])
-    notes.plain.append(
-        "The share is that of σ in the mass, the distance of the centre of mass from the origin, the length of the "
-        "first moments, the largest of the inertias; identified: below 10 %. Products of inertia are matrix entries"
-    )
-    if not truth:
-        notes.plain.append(f"No truth: {part(record, 'load', 'truth_reason')}")
+    if told:
+        notes.plain.append(
+            "The share is that of σ in the mass, the distance of the centre of mass from the origin, the length of the "
+            "first moments, the largest of the inertias; identified: below 10 %. Products of inertia are matrix entries"
+        )
+        if not truth:
+            notes.plain.append(f"No truth: {part(record, 'load', 'truth_reason')}")
     return table(head, cells, label, notes)
 
 
@@ -188,10 +183,6 @@ def _gains(record: Record) -> str:
 
 def _residuals(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
     """What the arm alone leaves of the effort, and what arm and load leave of it."""
-    title, question = "Residual", "Is it the load?"
-    if rejected(record):
-        why = reason(record, "fit")
-        return Section("residual", 3, title, question, absent("No residual.", why), why=why)
     before, after = (part(record, "fit", key) for key in ("without", "with"))
     lead = (
         f"The arm without a load leaves {percent(before['moving_relative_residual_percent'])} of the effort in motion "
@@ -227,7 +218,7 @@ def _residuals(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
             for t in tests
         ]
         body += "<h3>Logs with the load that were not fitted</h3>" + listing(told, "reasons")
-    return Section("residual", 3, title, question, body)
+    return Section("residual", 3, "Residual", "Is it the load?", body)
 
 
 def _friction(record: Record) -> Section:

@@ -77,7 +77,7 @@ def test_a_load_is_found_in_exact_logs() -> None:
 def test_standard_deviations_hold_the_truth_over_seeds_and_count_the_fits_own() -> None:
     """Errors over σ have an rms of about one; with the arm taken for perfectly known it is several."""
     scores, naive = [], []
-    for seed in range(25):
+    for seed in range(16):
         bare = unloaded(noisy(arm(1), 1, seed))
         loaded = noisy(carrying(arm(1), LOAD), 2, 100 + seed)
         for known, kept in ((bare, scores), (replace(bare, covariance=1e-6 * bare.covariance), naive)):

@@ -3,6 +3,7 @@ what the logs can't tell."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -154,12 +155,15 @@ def _unknown(fit: ModelFit) -> list[dict[str, Any]]:
     sigma = estimate.sigma if len(estimate.sigma) == robot.n else np.ones(robot.n)
     related = np.abs(correlations(estimate.covariance) - np.eye(len(names)))
     motions = telling_motions(fit.regressor, open_ones, np.maximum(sigma, 1e-12))
-    groups: dict[tuple[bool, frozenset[Motion]], list[int]] = {}
-    for k, best in zip(open_ones, motions, strict=True):
-        groups.setdefault((bool(relative[k] >= 1), frozenset(best[:3])), []).append(k)
+    groups: dict[tuple[bool, frozenset[Motion] | str], list[int]] = {}
+    by_column = dict(zip(open_ones, motions, strict=True))
+    for k, best in by_column.items():
+        # Each joint's own friction asks for the same of each joint: one sentence for all of them.
+        inertial = k < len(fit.regressor.base.names)
+        groups.setdefault((bool(relative[k] >= 1), frozenset(best[:3]) if inertial else best[0].kind), []).append(k)
     found = []
-    for (lost, telling_set), members in groups.items():
-        telling = sorted(telling_set, key=lambda m: (m.kind, m.joints))
+    for (lost, _), members in groups.items():
+        telling = sorted({m for k in members for m in by_column[k][:3]}, key=lambda m: (m.kind, m.joints))
         beside = sorted({int(i) for k in members for i in np.flatnonzero(related[k] >= TOGETHER) if i not in members})
         found.append(
             {
@@ -177,18 +181,21 @@ def _told(names: list[str], lost: bool, motions: list[Motion], beside: list[str]
     """One sentence about a group of parameters."""
     state = "smaller than their σ" if len(names) > 1 else "smaller than its σ"
     weak = f"known to no better than {WELL_KNOWN:g} %"
-    asked = "; ".join(_asked(m, robot) for m in motions)
+    by_kind = [[m for m in motions if m.kind == kind] for kind in dict.fromkeys(m.kind for m in motions)]
+    asked = "; ".join(_asked(each, robot) for each in by_kind)
     near = f"; hardly told apart from {', '.join(beside[:4])}" if beside else ""
     return f"{', '.join(names)}: {state if lost else weak}{near}. What tells most: {asked}."
 
 
-def _asked(motion: Motion, robot: Robot) -> str:
-    joints = [robot.joint_names[j] for j in motion.joints]
-    match motion.kind:
+def _asked(motions: Sequence[Motion], robot: Robot) -> str:
+    """What motions of one kind ask for."""
+    sets = [" and ".join(robot.joint_names[j] for j in motion.joints) for motion in motions]
+    joints = ", ".join(sets)
+    match motions[0].kind:
         case "gravity":
             return "poses all over the range, held or passed slowly"
         case "acceleration":
-            return f"strong acceleration of {' and '.join(joints)}"
+            return f"strong acceleration of {joints}"
         case "reversal":
-            return f"{' and '.join(joints)} turning in both directions, often and at several speeds"
-    return f"{joints[0]} fast" if len(joints) == 1 else f"{' and '.join(joints)} fast at the same time"
+            return f"{joints} turning in both directions, often and at several speeds"
+    return f"high speed of {joints}{' at the same time' if any(len(m.joints) > 1 for m in motions) else ''}"

@@ -46,10 +46,13 @@ def both(problem: Problem) -> Estimate:
     of_energy = inverse @ (energy.T @ energy) @ inverse * (left @ left / len(left) * inflation)
     unit = np.diag(of_torque)
     ratio = np.sqrt(np.sum(np.diag(of_energy) / unit) / len(unit))
+    covariance = (1 + ratio) * of_torque + (1 + 1 / max(ratio, 1e-12)) * of_energy
+    assert torque.noise is not None
     return replace(
         torque,
         parameters=parameters,
-        covariance=(1 + ratio) * of_torque + (1 + 1 / max(ratio, 1e-12)) * of_energy,
+        covariance=covariance,
         condition_number=condition,
         rows=rows,
+        noise=replace(torque.noise, covariance=covariance, textbook=np.sqrt(np.diag(inverse))),
     )

@@ -190,16 +190,35 @@ def fit_to_folder(
     return record
 
 
-def export(result: Folder, form: str, path: Folder, force: bool = False) -> tuple[str, ...]:
-    """Write the identified robot of a result folder as form "toml", "urdf" or "mjcf"; what the format leaves out.
+def export(
+    source: Folder,
+    form: str,
+    path: Folder,
+    force: bool = False,
+    joints: str | Sequence[str] = (),
+    gravity: Sequence[float] | None = None,
+) -> tuple[str, ...]:
+    """Write a robot as form "toml", "urdf" or "mjcf"; what the format leaves out.
 
-    InputError where the folder holds no result; OutputError where the file exists and force is not set.
+    source: a result folder, whose identified robot is meant, or a built-in name or robot file, of which joints and
+    gravity choose as for `load_robot`. InputError where it is none of these; OutputError where path exists and force
+    is not set.
     """
-    from identify.estimation.identification import Identification
+    from identify.estimation.identification import RECORD, Identification
     from identify.estimation.identified_robot import exported
     from identify.logs.files import refuse_existing, replacing
+    from identify.robot.library import built_in, load_robot
+    from identify.robot.writing import not_carried, written
 
-    text, lost = exported(Identification.load(result), form)
+    folder = Path(source)
+    if (folder / RECORD).is_file() or (folder.is_dir() and str(source) not in built_in()):
+        if joints or gravity is not None:
+            raise InputError(f"{source}: is a result folder, whose robot is whole; leave --joints and --gravity out")
+        text, lost = exported(Identification.load(folder), form)
+    else:
+        robot = load_robot(os.fspath(source), joints, gravity)
+        lost = not_carried(robot, form)
+        text = written(robot, form, lost)
     refuse_existing(path, force)
     with replacing(Path(path)) as stream:
         stream.write(text.encode())

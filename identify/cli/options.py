@@ -18,6 +18,11 @@ def robot(command: argparse.ArgumentParser, option: bool = False, required: bool
         command.add_argument("--robot", metavar="ROBOT", required=required, help=text)
     else:
         command.add_argument("robot", metavar="ROBOT", help=text)
+    part_of_robot(command)
+
+
+def part_of_robot(command: argparse.ArgumentParser) -> None:
+    """Which joints of a robot are meant, and how it stands."""
     command.add_argument(
         "--joints",
         metavar="NAMES",

@@ -16,6 +16,7 @@ from identify.cli.options import (
     fitting,
     frame,
     output,
+    part_of_robot,
     path,
     reading,
     result,
@@ -385,12 +386,15 @@ def _export(commands: Any) -> None:
     command = _command(
         commands,
         "export",
-        "write an identified robot as TOML, URDF or MJCF",
-        "The robot that was fitted, with the masses, centres of mass, inertias and friction that are nearest to the\n"
-        "result among those that physics allows. FILE says which logs they come from. What a format has no place for\n"
-        "is named in it and on stdout.",
+        "write a robot, identified or as described, as TOML, URDF or MJCF",
+        "Of a result folder: the robot that was fitted, with the masses, centres of mass, inertias and friction that\n"
+        "are nearest to the result among those that physics allows. FILE says which logs they come from. Of a\n"
+        "built-in name or a robot file: the robot as it is read, in TOML by modified Denavit-Hartenberg parameters.\n"
+        "What a format has no place for is named in FILE and on stdout.",
         "identify export result --format mjcf -o my_arm.xml",
     )
-    result(command)
+    what = "result folder of `identify fit`, built-in name (rx90, tx40), or a .toml, .urdf or MJCF .xml file"
+    command.add_argument("source", metavar="SOURCE", help=what)
+    part_of_robot(command)
     command.add_argument("--format", choices=ROBOT_FORMATS, required=True, help="format of the robot file")
     output(command, "FILE", "robot file to write, .toml, .urdf or .xml")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -15,14 +14,9 @@ from identify.estimation.settings import Settings
 from identify.regressor.columns import COUPLED, MORE, JointColumns
 from identify.regressor.friction import ASYMMETRIC, sliding_laws
 from identify.regressor.regressor import Regressor
-from identify.robot.mjcf import to_mjcf
 from identify.robot.robot import Drive, Robot
-from identify.robot.toml_writing import write_toml
 from identify.robot.transforms import inertia_matrix, make_link
-from identify.robot.urdf_writing import lost_in_urdf, to_urdf
-
-FORMATS = {"toml": (".toml",), "urdf": (".urdf", ".xml"), "mjcf": (".xml", ".mjcf")}
-"""Formats of a robot file, and the endings that each may have."""
+from identify.robot.writing import not_carried, written
 
 
 def with_standard(robot: Robot, standard: np.ndarray, extra: Mapping[str, float]) -> Robot:
@@ -140,48 +134,22 @@ def provenance(record: Mapping[str, Any]) -> str:
 def exported(result: Identification, form: str) -> tuple[str, tuple[str, ...]]:
     """Text of the identified robot as TOML, URDF or MJCF, and what the format does not carry, one sentence each."""
     robot = identified_robot(result)
-    lost = not_carried(result, robot, form)
-    if form == "toml":
-        return _commented_toml(write_toml(robot), lost), lost
-    if form == "urdf":
-        return _commented_xml(to_urdf(robot), robot.note, lost), lost
-    if form == "mjcf":
-        nothing = np.zeros(robot.n)
-        return _commented_xml(to_mjcf(robot, position_gain=nothing, velocity_gain=nothing), robot.note, lost), lost
-    raise InputError(f"format {form!r}: choose one of {', '.join(FORMATS)}")
+    lost = (*not_carried(robot, form), *_friction_lost(result.settings))
+    return written(robot, form, lost), lost
 
 
-def not_carried(result: Identification, robot: Robot, form: str) -> tuple[str, ...]:
-    """What of the identified model a robot file in this format leaves out."""
-    lost = list(lost_in_urdf(robot)) if form == "urdf" else []
-    coupled = [f"{row['name']} = {row['value']:.4g}" for row in result.record["physical"]["transmission"]]
-    if coupled and form != "toml":
-        lost.append(f"coupled motors' inertia and friction ({', '.join(coupled)}): the format has no place for them")
-    if robot.transmission and form != "toml":
-        lost.append("the transmission from motors to joints: the file's joints and efforts are those of the joint side")
-    if result.settings.friction:
-        forms = " and ".join(form.replace("_", " ") for form in result.settings.friction)
+def _friction_lost(settings: Settings) -> tuple[str, ...]:
+    """What of the friction that was fitted no robot file has a place for."""
+    lost = []
+    if settings.friction:
+        forms = " and ".join(form.replace("_", " ") for form in settings.friction)
         lost.append(
             f"{forms} friction: viscous and Coulomb friction are those nearest to all of it together, in both "
             "directions and up to the speeds of the training logs"
         )
-    velocity = result.settings.coulomb_velocity
-    if velocity is not None:
+    if settings.coulomb_velocity is not None:
         lost.append(
-            f"the passage of Coulomb friction through rest, in the fit straight up to {velocity:g} rad/s or m/s: "
-            "a file's is dry"
+            "the passage of Coulomb friction through rest, in the fit straight up to "
+            f"{settings.coulomb_velocity:g} rad/s or m/s: a file's is dry"
         )
     return tuple(lost)
-
-
-def _commented_toml(text: str, lost: tuple[str, ...]) -> str:
-    return "".join(f"# Not carried: {' '.join(line.split())}.\n" for line in lost) + text
-
-
-def _commented_xml(text: str, note: str, lost: tuple[str, ...]) -> str:
-    """The XML with a comment before its root element."""
-    lines = [note, *(f"Not carried: {line}." for line in lost)]
-    said = "\n".join("".join(c for c in line if c.isprintable()) for line in lines)
-    while "--" in said:  # which the name of a log may hold and a comment may not
-        said = said.replace("--", "- -")
-    return ElementTree.tostring(ElementTree.Comment(f"\n{said}\n"), encoding="unicode") + "\n" + text

@@ -18,7 +18,7 @@ from exact_logs import exact_log, fitted, fitted_with_dropped_column, friction, 
 from identify import workflow
 from identify.errors import InputError, OutputError
 from identify.estimation.identification import Identification
-from identify.estimation.identified_robot import FORMATS, exported, identified_robot, with_standard
+from identify.estimation.identified_robot import exported, identified_robot, with_standard
 from identify.estimation.motion import low_pass
 from identify.estimation.scoring import scored
 from identify.experiment.plant import reference_effort
@@ -31,6 +31,7 @@ from identify.robot.robot import Robot, Transmission
 from identify.robot.toml import read_toml
 from identify.robot.urdf import read_urdf
 from identify.robot.urdf_writing import to_urdf
+from identify.robot.writing import FORMATS
 
 AGREE = 1e-10
 
@@ -247,11 +248,13 @@ def test_names_that_no_comment_may_hold_do_not_break_the_file() -> None:
 
 
 def test_a_smooth_passage_through_rest_and_coupled_motors_are_told() -> None:
-    result = deepcopy(fitted())
+    plain = deepcopy(fitted())
+    geared = Transmission(matrix=((30.0, 0.0, 0.0), (0.0, 40.0, 0.0), (0.0, 20.0, 25.0)))
+    result = replace(plain, robot=replace(plain.robot, transmission=geared))
     result.record["settings"]["coulomb_velocity"] = 0.05
-    result.record["physical"]["transmission"] = [{"name": "Iam6", "value": 0.0123}]
+    result.record["physical"]["transmission"] = [{"name": "Iam3", "value": 0.0123}]
     told = " ".join(exported(result, "urdf")[1])
-    assert "Iam6 = 0.0123" in told
+    assert "Iam3 = 0.0123" in told
     assert "up to 0.05 rad/s" in told
 
 

@@ -164,11 +164,15 @@ def physical(
     bodies_reason: str,
     figures: dict[str, Any],
     speeds: np.ndarray,
+    cost: dict[str, Any],
+    prior: float | None,
 ) -> dict[str, Any]:
     """The standard parameters that physics allows: links, drives, what they cost and which parameters moved.
 
-    speeds (arms,): the fastest that joints and coupled motors went, up to which drives stand for further forms of
-    friction. figures: residual figures of their model, {"fit": on the training logs, "test": [on each held-out log]}.
+    prior: standard deviation of the description's links in shares of them, where they were one; cost: see
+    `validation.possible.cost`; speeds (arms,): the fastest that joints and coupled motors went, up to which drives
+    stand for further forms of friction. figures: residual figures of their model, {"fit": on the training logs,
+    "test": [on each held-out log]}.
     """
     regressor, estimate = fit.regressor, fit.estimate
     plain = plain_friction(regressor, found.extra, fit.settings, speeds)
@@ -184,7 +188,7 @@ def physical(
             {"name": f"{kind}{k + 1}", "value": plain[f"{kind}{k + 1}"]} for k, _ in robot.couplings for kind in COUPLED
         ],
         "parameters": [float(x) for x in found.parameters],
-        "cost": {"chi_squared": found.cost, "effective_samples": estimate.effective_samples},
+        "cost": cost,
         "moved": [
             {
                 "name": regressor.names[i],
@@ -195,7 +199,15 @@ def physical(
             }
             for i in moved
         ],
-        "pull": {"weight": PULL, "bodies": list(bodies.kinds), "why": bodies_reason},
+        "pull": explained(
+            {
+                "weight": PULL if prior is None else 1 / prior**2,
+                "prior_percent": None if prior is None else 100 * prior,
+                "bodies": list(bodies.kinds),
+                "why": bodies_reason,
+            },
+            {"prior_percent": "no prior was asked for"},
+        ),
         **figures,
         "solver": {
             "name": "clarabel",

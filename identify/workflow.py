@@ -9,15 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.errors import InputError, LogError, UnsupportedLogError
+from identify.errors import LogError, UnsupportedLogError
 from identify.logs.log import Log
 from identify.robot.robot import Link, Robot
 
 if TYPE_CHECKING:
-    from identify.estimation.fitting import ModelFit
     from identify.estimation.identification import Identification
-    from identify.estimation.physical import Consistent
-    from identify.estimation.reference import Reference
     from identify.experiment.trajectory import Trajectory
     from identify.logs.triage import Findings
     from identify.regressor.regressor import Regressor
@@ -103,13 +100,16 @@ def fit(
     command: str = "",
     progress: Progress = None,
     friction: str | Collection[str] | None = None,
+    prior: float | None = None,
 ) -> Identification:
     """Identify base and friction parameters from one log or several, and check them on `test` logs.
 
     model: "torque" (the default) or "energy"; both are fitted, this one is the result. estimator: a name of
     estimation.estimators.registry.ESTIMATORS, which tells the model too; "all" for a table of all of them beside.
-    friction: forms of it beside viscous, Coulomb and offset, "cube_root" and "presliding", with commas between or in a
-    collection; "plain" for none of them; by default ("auto") those that cross-validation finds worth it.
+    friction: forms of it beside viscous, Coulomb and offset, of regressor.friction.FURTHER, with commas between or in a
+    collection; "plain" for none of them; by default ("auto") those that cross-validation finds worth it. prior: how far
+    links may be from those of the robot's file, a standard deviation in shares of them; by default these settle what
+    the data leave open and nothing else. Estimates are the same with it, the links that physics allows are not.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
     import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
@@ -119,9 +119,11 @@ def fit(
     from identify.logs.triage import refusals
     from identify.regressor.friction import chosen_forms
     from identify.regressor.regressor import Regressor
+    from identify.validation.possible import check_prior
 
     choice(model, estimator)
     forms = chosen_forms(friction)
+    check_prior(robot, prior)
     train = _for_robot([log] if isinstance(log, Log) else log, robot)
     test = _for_robot(test, robot)
     for each in test:
@@ -136,7 +138,7 @@ def fit(
         for found in triage[: len(train)]:
             if reasons := refusals(found):
                 raise UnsupportedLogError(*reasons)
-        return _identified(regressor, train, test, model, estimator, forms, command, triage, progress)
+        return _identified(regressor, train, test, model, estimator, forms, prior, command, triage, progress)
 
 
 def looked_over(logs: Sequence[Log], robot: Robot, regressor: Regressor | None = None) -> list[Findings]:
@@ -159,6 +161,7 @@ def fit_to_folder(
     command: str = "",
     progress: Progress = None,
     friction: str | Collection[str] | None = None,
+    prior: float | None = None,
 ) -> dict[str, Any]:
     """Fit, and write the result folder with its report; for logs that can't support a result, one that says why.
 
@@ -174,7 +177,7 @@ def fit_to_folder(
     check_replaceable(folder, RECORD, force)
     curves: dict[str, np.ndarray]
     try:
-        result = fit(logs, robot, test, model, estimator, command, progress, friction)
+        result = fit(logs, robot, test, model, estimator, command, progress, friction, prior)
         record, curves = result.record, result.curves
     except UnsupportedLogError as error:
         train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
@@ -278,6 +281,7 @@ def _identified(
     model: str | None,
     estimator: str | None,
     forms: tuple[str, ...] | None,
+    prior: float | None,
     command: str,
     triage: list[Findings],
     progress: Progress,
@@ -290,6 +294,7 @@ def _identified(
     from identify.estimation.reference import reference
     from identify.validation import cross_check, held_out
     from identify.validation.estimators import compared
+    from identify.validation.possible import cost, possible_robot
     from identify.validation.review import reviewed
     from identify.validation.statistics import statistics
     from identify.validation.truth import true_parameters
@@ -307,8 +312,9 @@ def _identified(
         if nominal is None and train[0].simulated
         else "the robot file gives no inertias"
     )
-    bodies = reference(regressor, estimate.parameters, nominal is not None)
-    possible, why_none = _possible(chosen, bodies)
+    known = nominal is not None or prior is not None
+    bodies = reference(regressor, estimate.parameters, known)
+    possible, why_none = possible_robot(chosen, bodies, prior)
     tell(0.75, "residuals and held-out logs")
     models = {fit.model: fit.predictor for fit in (chosen, both.torque, both.energy) if fit is not None}
     further = {} if possible is None else {PHYSICAL: Predictor(regressor, possible.parameters, settings)}
@@ -321,13 +327,14 @@ def _identified(
     tests = [{"path": review.log.source, **held_out.held_out(review, reviews, robot)} for review in seen]
     physical: dict[str, Any] = {"physical": None, "physical_reason": why_none}
     if possible is not None:
-        why = "the robot file's links" if nominal is not None else prior_reason
+        why = "the robot file's links" if known else prior_reason
         scores = {
             "fit": _residuals(figures[PHYSICAL]),
             "test": [{"path": x.log.source, **_residuals(held_out.figures([x], robot)[PHYSICAL])} for x in seen],
         }
         speeds = np.max([review.arm_speed for review in reviews], axis=0)
-        physical = {"physical": records.physical(chosen, possible, bodies, why, scores, speeds)}
+        paid = cost(chosen, possible, figures[model], figures[PHYSICAL])
+        physical = {"physical": records.physical(chosen, possible, bodies, why, scores, speeds, paid, prior)}
     tell(0.85, "cross-check against Pinocchio and MuJoCo")
     checks = cross_check.cross_check_regressor(robot)
     base = estimate.parameters[: len(regressor.base.names)]
@@ -361,22 +368,6 @@ def _identified(
     return Identification(
         robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
     )
-
-
-def _possible(chosen: ModelFit, bodies: Reference) -> tuple[Consistent | None, str]:
-    """The robot nearest to the estimate that physics allows, or None and why there is none; bodies: what stands for
-    what the data leave open."""
-    from identify.estimation.physical import information_of, nearest_consistent
-
-    estimate, velocity = chosen.estimate, chosen.settings.coulomb_velocity
-    information = information_of(estimate.covariance)
-    try:
-        found = nearest_consistent(
-            chosen.regressor, estimate.parameters, information, bodies, coulomb_velocity=velocity
-        )
-    except InputError as error:
-        return None, str(error)
-    return found, ""
 
 
 def _residuals(figures: dict[str, Any]) -> dict[str, Any]:

@@ -184,6 +184,7 @@ def fit(options: argparse.Namespace, arguments: Sequence[str]) -> int:
             command=shlex.join(["identify", *arguments]),
             progress=progress,
             friction=options.friction,
+            prior=options.prior,
         )
     if options.json:
         _print_json(record)

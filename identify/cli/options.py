@@ -80,6 +80,25 @@ def estimator(command: argparse.ArgumentParser, beside: bool = False) -> None:
     )
 
 
+def physics(command: argparse.ArgumentParser) -> None:
+    """What is assumed of friction and links."""
+    command.add_argument(
+        "--friction",
+        metavar="NAMES",
+        default="auto",
+        help="forms of friction beside viscous, Coulomb and offset, with commas between: cube_root, presliding, "
+        "stribeck, asymmetric, load; or plain for none (default: %(default)s, those that cross-validation finds worth "
+        "it)",
+    )
+    command.add_argument(
+        "--prior",
+        metavar="SHARE",
+        type=share,
+        help="pull the links that physics allows to those of the robot file, with this standard deviation in shares "
+        "of them, such as 0.3 (default: they settle only what the motion leaves open)",
+    )
+
+
 def excitation(command: argparse.ArgumentParser) -> None:
     """What a motion is designed for and of."""
     command.add_argument(
@@ -167,6 +186,16 @@ def seconds(text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
+    return value
+
+
+def share(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value <= 1e3:
+        raise argparse.ArgumentTypeError(f"{text!r} is no share: give a number above 0, such as 0.3")
     return value
 
 

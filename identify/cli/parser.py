@@ -18,6 +18,7 @@ from identify.cli.options import (
     output,
     part_of_robot,
     path,
+    physics,
     reading,
     result,
     robot,
@@ -136,6 +137,7 @@ def _excite(commands: Any) -> None:
     robot(command)
     output(command, "TRAJECTORY.toml", "file to write")
     excitation(command)
+    carrying.payload_option(command)
     seed(command, "of the design's random starts")
     as_json(command)
 
@@ -223,13 +225,7 @@ def _fit(commands: Any) -> None:
     output(command, "DIR", "result folder to write")
     fitting(command, "the result", "; holds for every LOG that is a table")
     estimator(command, beside=True)
-    command.add_argument(
-        "--friction",
-        metavar="NAMES",
-        default="auto",
-        help="forms of friction beside viscous, Coulomb and offset: cube_root, presliding, both with a comma between, "
-        "or plain for none (default: %(default)s, those that cross-validation finds worth it)",
-    )
+    physics(command)
     as_json(command)
 
 

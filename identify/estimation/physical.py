@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from identify.errors import InputError
-from identify.estimation.reference import Reference
+from identify.estimation.reference import DESCRIPTION, Reference
 from identify.estimation.resistance import resisting
 from identify.estimation.settings import STILL
 from identify.regressor.columns import JointColumns, column_kind, smooth_sign
@@ -101,10 +101,10 @@ def nearest_consistent(
     """The possible robot nearest to estimate (p,) in the norm of its information matrix (p, p).
 
     The information is WᵀW of the weighted observation matrix, or the inverse of the estimate's covariance.
-    reference: bodies and actuator inertias of the pull, for which `pull` is the weight: with a drawing's values and a
-    weight of 1, a prior of about 100 % standard deviation. mass_bounds (n, 2): lowest and highest mass of each link
-    [kg], infinite where there is none. coulomb_velocity: speed up to which a smooth sign grows. InputError for bounds
-    that no mass meets or if the solver finds no solution.
+    reference: bodies and actuator inertias of the pull, for which `pull` is the weight, for neutral ones PULL at most:
+    with a drawing's values, 1/σ² for a prior of about σ standard deviation in shares of them. mass_bounds (n, 2):
+    lowest and highest mass of each link [kg], infinite where there is none. coulomb_velocity: speed up to which a
+    smooth sign grows. InputError for bounds that no mass meets or if the solver finds no solution.
     """
     problem = _Problem(regressor, estimate, information, reference, pull, smooth_sign(coulomb_velocity or STILL))
     seconds = 0.0
@@ -173,9 +173,11 @@ class _Problem:
         self.matrix[:m, : 10 * n] = links
         self.matrix[:m, 10 * n : 11 * n] = bases[:, :, 10] * self.actuators
         self.matrix[:, 11 * n :] = effects * self.units
-        self.pulled = np.full(self.matrix.shape[1], np.sqrt(pull))
-        self.pulled[11 * n : 11 * n + len(kept)] = 0.0
-        self.pulled[11 * n + len(kept) :] *= LEFT_OUT
+        kinds = (*np.repeat(reference.kinds, 10), *reference.actuator_kinds)
+        weak = np.sqrt(min(pull, PULL))  # a neutral body is no knowledge
+        links_pulled = [np.sqrt(pull) if kind == DESCRIPTION else weak for kind in kinds]
+        left_out = len(self.columns) - len(kept)
+        self.pulled = np.array([*links_pulled, *[0.0] * len(kept), *[weak * LEFT_OUT] * left_out])
         self.centre = np.concatenate([np.tile(_EYE, n), np.ones(n), np.zeros(len(self.names))])
         self.estimate = estimate
 

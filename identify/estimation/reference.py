@@ -25,11 +25,12 @@ DESCRIPTION, NEUTRAL = "description", "neutral"
 @dataclass(frozen=True, eq=False)
 class Reference:
     """bodies (n, 4, 4): pseudo-inertia ≻ 0 of each link's reference [kg·m², kg·m, kg]; actuators (n,): Ia > 0
-    [kg·m² or kg]; kinds (n,): "description" or "neutral"."""
+    [kg·m² or kg]; kinds, actuator_kinds (n,): "description" or "neutral"."""
 
     bodies: np.ndarray
     actuators: np.ndarray
     kinds: tuple[str, ...]
+    actuator_kinds: tuple[str, ...]
 
 
 def reference(regressor: Regressor, estimate: np.ndarray, description: bool) -> Reference:
@@ -42,7 +43,7 @@ def reference(regressor: Regressor, estimate: np.ndarray, description: bool) -> 
     robot = regressor.robot
     length = mean_length(robot)
     mass = _mass(regressor, estimate, length) / robot.n
-    bodies, actuators, kinds = [], [], []
+    bodies, actuators, kinds, actuator_kinds = [], [], [], []
     for joint in robot.joints:
         known = description and joint.link.mass > 0
         ball = np.diag([mass * (ROUND * length) ** 2] * 3 + [mass])
@@ -50,7 +51,8 @@ def reference(regressor: Regressor, estimate: np.ndarray, description: bool) -> 
         stated = description and joint.drive.inertia > 0
         actuators.append(joint.drive.inertia if stated else ball[0, 0] if joint.revolute else mass)
         kinds.append(DESCRIPTION if known else NEUTRAL)
-    return Reference(np.array(bodies), np.array(actuators), tuple(kinds))
+        actuator_kinds.append(DESCRIPTION if stated else NEUTRAL)
+    return Reference(np.array(bodies), np.array(actuators), tuple(kinds), tuple(actuator_kinds))
 
 
 def mean_length(robot: Robot) -> float:

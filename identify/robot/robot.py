@@ -62,12 +62,14 @@ class Drive:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of one joint: position (low, high) [rad or m], velocity, acceleration, effort (magnitudes, SI)."""
+    """Limits of one joint: position (low, high) [rad or m], velocity, acceleration, effort (magnitudes, SI); mass (low,
+    high) [kg] of the link that it carries, with what is fixed to it."""
 
     position: tuple[float, float] = (-INFINITY, INFINITY)
     velocity: float = INFINITY
     acceleration: float = INFINITY
     effort: float = INFINITY
+    mass: tuple[float, float] = (0.0, INFINITY)
 
 
 @dataclass(frozen=True)

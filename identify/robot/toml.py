@@ -159,6 +159,11 @@ def _limits(value: Any, where: str) -> Limits:
         if low >= high:
             raise RobotError(f"{where}.position: the low limit comes first, found [{low:g}, {high:g}]")
         given["position"] = (low, high)
+    if "mass" in given:
+        low, high = checks.numbers(given["mass"], 2, f"{where}.mass", infinite=True)
+        if not 0 <= low <= high or high == 0 or np.isinf(low):
+            raise RobotError(f"{where}.mass: expected a lowest and a highest mass [kg], found [{low:g}, {high:g}]")
+        given["mass"] = (low, high)
     for key in ("velocity", "acceleration", "effort"):
         if key in given:
             read = checks.number(given[key], f"{where}.{key}", infinite=True)

@@ -275,7 +275,8 @@ def _limits(edge: _Edge, where: str) -> Limits:
     for key in ("velocity", "acceleration", "effort"):
         size = checks.not_negative(number(element, key, 0.0, where, infinite=True), f"{where}: {key}")
         sizes[key] = size or math.inf
-    return Limits((low, high) if given else (-math.inf, math.inf), **sizes)
+    position = (low, high) if given else (-math.inf, math.inf)
+    return Limits(position, sizes["velocity"], sizes["acceleration"], sizes["effort"])
 
 
 def _drive(element: Element, where: str) -> Drive:

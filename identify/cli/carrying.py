@@ -33,13 +33,13 @@ WORDS = (
 """Name, summary, text and example of the command."""
 
 
-def payload_option(command: argparse.ArgumentParser) -> None:
-    """--payload, a load in numbers or in a file."""
+def payload_option(command: argparse.ArgumentParser, what: str) -> None:
+    """--payload, a load in numbers or in a file; `what` it is to the command."""
     command.add_argument(
         "--payload",
         metavar="LOAD",
-        help="what the last link carries, of which the controller knows nothing: MASS or MASS,X,Y,Z (a point, kg and m "
-        "in the last link's frame), or a .toml file with mass, com and inertia",
+        help=f"{what}: MASS or MASS,X,Y,Z (a point, kg and m in the last link's frame), or a .toml file with mass, com "
+        "and inertia",
     )
 
 

@@ -7,8 +7,10 @@ import json
 import sys
 from collections.abc import Sequence
 
+from identify.cli.carrying import chosen_load
 from identify.cli.places import check_file, parents_of
 from identify.cli.progress import progress_line
+from identify.errors import InputError
 
 
 def excite(options: argparse.Namespace, arguments: Sequence[str]) -> int:
@@ -17,8 +19,13 @@ def excite(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     from identify.estimation.earlier import next_excitation
     from identify.estimation.identification import Identification
     from identify.robot.library import load_robot
+    from identify.robot.payload import carrying
 
     robot = load_robot(options.robot, options.joints, options.gravity)
+    if (load := chosen_load(options)) is not None:
+        if options.earlier:
+            raise InputError("--payload: with --from the effort is that of the earlier results; leave one of them out")
+        robot = carrying(robot, load)
     results = [Identification.load(folder) for folder in options.earlier]
     with parents_of(options.output):
         with progress_line(sys.stderr) as progress:

@@ -137,7 +137,7 @@ def _excite(commands: Any) -> None:
     robot(command)
     output(command, "TRAJECTORY.toml", "file to write")
     excitation(command)
-    carrying.payload_option(command)
+    carrying.payload_option(command, "what the arm will carry, with which it keeps within its effort limits")
     seed(command, "of the design's random starts")
     as_json(command)
 
@@ -158,7 +158,7 @@ def _simulate(commands: Any) -> None:
     )
     command.add_argument("--noise", choices=NOISES, default="standard", help="sensor noise (default: %(default)s)")
     seed(command, "of the noise")
-    carrying.payload_option(command)
+    carrying.payload_option(command, "what the arm carries, of which its controller knows nothing")
 
 
 def _import(commands: Any) -> None:

@@ -12,7 +12,10 @@ from carried import LOAD, currents, loaded_log, one_joint_moving
 from exact_logs import arm, exact_log, fitted
 
 import identify
+from identify.experiment.plant import reference_effort
 from identify.experiment.trajectory import random_trajectory
+from identify.robot.payload import carrying
+from identify.robot.robot import Link
 from identify.robot.toml_writing import write_toml
 
 
@@ -123,3 +126,21 @@ def test_a_load_does_not_start_with_work_that_is_lost(run, arm) -> None:
     refused = run("simulate", arm.robot, "--payload", "none.toml", "-o", "c.mcap")
     assert refused.status == 2
     assert "none.toml: no such file" in refused.err
+
+
+def test_a_motion_for_a_load_is_slower_than_one_without(run, arm) -> None:
+    """The small arm's elbow has effort to spare for itself, and none for 26 kg at a third of a metre."""
+    command = ("excite", arm.robot, "--duration", "4", "--starts", "1", "--harmonics", "3", "--no-collision")
+    assert run(*command, "-o", "bare.toml").status == 0
+    assert run(*command, "-o", "loaded.toml", "--payload", "26,0.3,0,0").status == 0
+    robot, load = identify.load_robot(arm.robot), Link(26.0, (0.3, 0.0, 0.0))
+    limits = np.array([joint.limits.effort for joint in robot.joints])
+    largest = {}
+    for name in ("bare", "loaded"):
+        motion = identify.Trajectory.load(f"{name}.toml")
+        effort = reference_effort(carrying(robot, load), *motion.sample(np.arange(0.0, 5.0, 0.01)))
+        largest[name] = float((np.abs(effort).max(axis=0) / limits).max())
+    assert largest["loaded"] <= 1.0 < largest["bare"]
+    both = run(*command, "-o", "c.toml", "--payload", "20", "--from", "fit")
+    assert both.status == 2
+    assert "leave one of them out" in both.err

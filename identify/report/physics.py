@@ -65,6 +65,7 @@ def _cost(record: Record, physical: Mapping[str, Any]) -> str:
             f"{significant(abs(finite(part(worst, 'shift_sigma')) or 0.0), 2)} σ; all shifts together cost χ² = "
             f"{significant(chi, 2)}, against {significant(size, 3)} effective samples"
         )
+    told += _growth(physical)
     changes = [_change("training motion", part(record, "fit"), part(physical, "fit"))]
     changes += [
         _change(short(part(mine, "path")), plain, mine)
@@ -72,6 +73,20 @@ def _cost(record: Record, physical: Mapping[str, Any]) -> str:
     ]
     named = "; ".join(text for text in changes if text)
     return told + (f". Residual while moving, of the fit and of the possible robot: {named}" if named else "")
+
+
+def _growth(physical: Mapping[str, Any]) -> str:
+    """What the residual grew by, in points of the torque and in shares of itself."""
+    points, growth, known = (
+        finite(part(physical, "cost", f"residual_{key}")) for key in ("points", "growth_percent", "uncertainty_percent")
+    )
+    if points is None or growth is None or known is None or not items(physical, "moved"):
+        return ""
+    return (
+        f". It leaves {significant(abs(points), 2)} % of the training torque {'more' if points >= 0 else 'less'} "
+        f"unexplained, which is {significant(abs(growth), 2)} % of the residual; so few independent samples tell a "
+        f"residual to {significant(known, 2)} %"
+    )
 
 
 def _change(name: str, plain: Any, mine: Any) -> str:
@@ -91,6 +106,9 @@ def _open(physical: Mapping[str, Any]) -> str:
         which = "the robot file's links, and neutral bodies where it gives none"
     else:
         which = "the robot file's links"
+    prior = finite(part(physical, "pull", "prior_percent"))
+    if prior is not None:
+        return f"{OPEN}. They were asked to stay near {which}, with a standard deviation of {significant(prior, 2)} %"
     return f"{OPEN}. What the motion leaves open is pulled to {which}"
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from identify.estimation.identification import FRICTION
 from identify.numbers import DASH, Estimate, column, estimate, finite, significant
+from identify.report.certainty import textbook
 from identify.report.markup import Notes, esc, status, table
 from identify.report.record import UNKNOWN, Record, part, reason
 from identify.report.symbols import formula_html, symbol_html
@@ -30,16 +31,18 @@ def estimates_table(
     every = [p for _, group in groups for p in group]
     prior = any(finite(p.get("prior")) is not None for p in every)
     truth = any(finite(p.get("truth")) is not None for p in every)
+    plain = textbook(record)
     scores = dict(zip(map(id, every), column([score(p) for p in every], most=2), strict=True))
     head = [("symbol", "text")] + ([("formula", "formula")] if formulas else [])
     head += [("value", "value"), ("± σ", "sigma"), ("unit", "text")]
+    head += [("textbook σ", "number")] if plain else []
     head += [("prior", "number")] if prior else []
     head += [("truth", "number"), ("z", "number")] if truth else []
     head += [("state", "text")]
     body: list[Sequence[str] | str] = []
     for title, group in groups:
         body.append(esc(title))
-        body += [_row(p, prior, truth, formulas, scores[id(p)], notes) for p in group]
+        body += [_row(p, plain, prior, truth, formulas, scores[id(p)], notes) for p in group]
     for shown, key in ((prior or not formulas, "prior"), (truth, "truth")):
         why = reason(every[0], key) if every else UNKNOWN
         why = reason(record, key) if why == UNKNOWN else why
@@ -54,7 +57,15 @@ def score(p: Mapping[str, Any]) -> float | None:
     return None if value is None or true is None or not sigma else (value - true) / sigma
 
 
-def _row(p: Mapping[str, Any], prior: bool, truth: bool, formulas: bool, score: str, notes: Notes) -> list[str]:
+def _row(
+    p: Mapping[str, Any],
+    plain: Mapping[str, Any],
+    prior: bool,
+    truth: bool,
+    formulas: bool,
+    score: str,
+    notes: Notes,
+) -> list[str]:
     name, value, sigma = str(p.get("name", "")), finite(p.get("estimate")), finite(p.get("std"))
     shown = estimate(value, sigma)
     cells = [symbol_html(name)]
@@ -68,6 +79,8 @@ def _row(p: Mapping[str, Any], prior: bool, truth: bool, formulas: bool, score: 
     else:
         cells += [esc(shown.value), f"± {esc(shown.sigma)}" if shown.sigma else notes.missing(reason(p, "std"))]
     cells.append(esc(p.get("unit") or ""))
+    if plain:
+        cells.append(esc(significant(plain.get(name), 2)))
     if prior:
         cells.append(_like(p, "prior", notes))
     if truth:

@@ -9,6 +9,7 @@ from html import escape
 from typing import Any
 
 _WORD = re.compile(r"[^\W\d_]+(?:[-'’][^\W\d_]+)*[,;:]?(?:\s|$)")
+_GREEK, _LAST_GREEK = "\u0370", "\u03ff"
 _QUOTED = re.compile(r"`([^`]+)`")
 MARKS = {
     "MET": "met",
@@ -116,11 +117,12 @@ def absent(what: str, why: str) -> str:
 
 
 def sentence(text: str) -> str:
-    """Text with a capital first, unless it begins with the name of a thing (joint_2, a.mcap), and a full stop last."""
+    """Text with a capital first, unless it begins with a symbol (σ) or the name of a thing (joint_2, a.mcap), and a
+    full stop last."""
     text = text.strip()
     if not text:
         return ""
-    first = text[0].upper() if _WORD.match(text) else text[0]
+    first = text[0].upper() if _WORD.match(text) and not _GREEK <= text[0] <= _LAST_GREEK else text[0]
     return first + text[1:] + ("" if text[-1] in ".!?…" else ".")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from identify.numbers import significant
-from identify.report import parameter_figures
+from identify.report import certainty, parameter_figures
 from identify.report.estimates import estimates_table, friction_parameters, score, state
 from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend
 from identify.report.record import Record, items, joints, reason
@@ -37,7 +37,7 @@ def section(record: Record) -> Section:
     groups = [(f"Link {j}", _of_link(parameters, j)) for j in _links(parameters)]
     groups += [("Coupled motors of the transmission", coupled)] if coupled else []
     rows = estimates_table(record, groups, notes, True)
-    body += fold("Table of all parameters", rows, f"{len(parameters)} rows, with formulas")
+    body += fold("Table of all parameters", rows, f"{len(parameters)} rows, with formulas") + certainty.folds(record)
     return Section("parameters", 4, "Parameters", "What is known?", body, finding=lead)
 
 

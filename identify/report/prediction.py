@@ -71,7 +71,9 @@ def _summary(results: Mapping[str, Any], where: str) -> str:
     energy = finite(results.get("energy_residual_percent"))
     if energy is not None:
         told += f" Of the energy that the model was fitted to, {percent(energy)} stays unexplained."
-    return f'<p class="lead">{told}</p>'
+    motion = part(results, "motion", "told")
+    new = f'<p class="remark">{prose(f"How new this motion is: {motion}")}</p>' if motion else ""
+    return f'<p class="lead">{told}</p>{new}'
 
 
 def _table(record: Record, results: Mapping[str, Any], held_out: bool) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.numbers import count, finite, percent, significant
 from identify.report import data_figures
-from identify.report.markup import Section, absent, esc, figures, legend, prose
+from identify.report.markup import Notes, Section, absent, esc, figures, fold, legend, prose, table, unit
 from identify.report.record import UNKNOWN, Record, items, joints, part, reason
 
 EXPECTED = 5.0
@@ -17,26 +17,100 @@ EXPECTED = 5.0
 
 
 def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
-    """Autocorrelation of the residuals, what it says in words, and how far it widened σ."""
+    """Where σ comes from, how white the residuals are in words and in tests, and their autocorrelation."""
     title, question = "Residuals", "Is σ believable?"
-    rows, effective = finite(part(record, "settings", "rows")), finite(part(record, "settings", "effective_samples"))
-    told = []
-    if rows and effective:
-        factor = significant(math.sqrt(rows / effective), 2)
-        told.append(f"{count(rows)} rows are worth {count(effective)} independent ones, which widens σ {factor}-fold")
+    told, body = _told(record), _source(record) + _whiteness(record)
     lag, values = curves.get("residual/lag"), curves.get("residual/autocorrelation")
-    robot = joints(record)
     if lag is None or values is None or np.ndim(values) != 2 or len(lag) < 2:
         why = reason(record, "residual")
         why = "the result folder holds no autocorrelation" if why == UNKNOWN else why
-        body = absent("No autocorrelation.", why)
-        return Section(
-            "residuals", 9, title, question, body, "; ".join(told) or why, folded=True, why="" if told else why
-        )
+        body += absent("No autocorrelation.", why)
+        alone = "" if told or part(record, "statistics") else why
+        return Section("residuals", 9, title, question, body, "; ".join(told) or why, folded=True, why=alone)
+    finding = "; ".join(told) or "autocorrelation of every joint"
+    return Section("residuals", 9, title, question, body + _drawn(record, lag, values), finding, folded=True)
+
+
+def _told(record: Record) -> list[str]:
+    """How wide σ is and how white residuals are, in plain text."""
+    told = []
+    widening = finite(part(record, "statistics", "covariance", "widening"))
+    rows, effective = finite(part(record, "settings", "rows")), finite(part(record, "settings", "effective_samples"))
+    if widening is not None:
+        told.append(f"σ is {significant(widening, 2)} times the textbook’s, in the median over all parameters")
+    elif rows and effective:
+        factor = significant(math.sqrt(rows / effective), 2)
+        told.append(f"{count(rows)} rows are worth {count(effective)} independent ones, which widens σ {factor}-fold")
+    found = [str(part(row, "told") or "") for row in items(record, "statistics", "whiteness")]
+    if found:
+        coloured = sum(not text.startswith("white") for text in found)
+        told.append(f"residuals of {coloured} of {len(found)} {_groups(record)} are coloured")
+    return told
+
+
+def _groups(record: Record) -> str:
+    return "models" if part(record, "model") == "energy" else "joints"
+
+
+def _source(record: Record) -> str:
+    """How σ was reckoned, and the noise in each band of frequency that it rests on."""
+    covariance = part(record, "statistics", "covariance")
+    if not isinstance(covariance, Mapping):
+        return ""
+    rows = [row for row in items(covariance, "noise") if isinstance(row, Mapping)]
+    ends = [finite(x) or 0.0 for x in items(covariance, "edges_hz")]
+    told = f"σ: {covariance.get('method')}. The textbook’s, {covariance.get('textbook_method')}, stands beside it in "
+    told += "the table of parameters"
+    shown = f'<p class="remark">{prose(told)}</p>'
+    if not rows or not ends:
+        return shown
+    starts = [0.0, *ends[:-1]]
+    head = [("of", "text")]
+    head += [
+        (f"{esc(significant(a, 2))} to {esc(significant(b, 2))}{unit('Hz')}", "number")
+        for a, b in zip(starts, ends, strict=True)
+    ]
+    head.append(("unit", "text"))
+    body = [
+        [esc(row.get("group", "")), *(esc(significant(x, 2)) for x in items(row, "std")), esc(row.get("unit") or "")]
+        for row in rows
+        if len(items(row, "std")) == len(ends)
+    ]
+    noise = table(head, body, "Noise by band of frequency")
+    return shown + fold("Noise by band of frequency", noise, "standard deviation of the rows, were it all in that band")
+
+
+def _whiteness(record: Record) -> str:
+    """Each group of rows: how alike neighbours are, two tests, and what they say."""
+    rows = [row for row in items(record, "statistics", "whiteness") if isinstance(row, Mapping)]
+    if not rows:
+        why = reason(record, "statistics", "whiteness")
+        return absent("No tests of whiteness.", why) if part(record, "statistics") else ""
+    head = [("rows of", "text"), ("neighbours,<br>correlation", "number"), ("Durbin-<br>Watson", "number")]
+    head += [("Ljung-Box,<br>p", "number"), ("in words", "prose")]
+    body = []
+    for row in rows:
+        p = finite(row.get("chance"))
+        cells = [esc(row.get("group", "")), esc(significant(row.get("neighbours"), 2))]
+        cells += [esc(significant(row.get("durbin_watson"), 3))]
+        cells.append("&lt; 0.001" if p is not None and p < 0.001 else esc(significant(p, 2)))
+        body.append([*cells, prose(row.get("told") or "")])
+    notes = Notes()
+    lags = finite(rows[0].get("lags"))
+    notes.plain.append(
+        "Of the rows that were solved. Durbin and Watson’s figure is 2 where neighbours are independent, less where "
+        f"they err alike; Ljung and Box test {count(lags) if lags else 'all'} lags at once, p small where rows are not "
+        "white"
+    )
+    return "<h3>Whiteness</h3>" + table(head, body, "Whiteness of the residuals", notes)
+
+
+def _drawn(record: Record, lag: np.ndarray, values: np.ndarray) -> str:
+    robot, rows = joints(record), finite(part(record, "settings", "rows"))
     bound = 2 / math.sqrt(rows / len(robot)) if rows and robot else None
     outside = _outside(record, lag, values, bound)
     inflation = items(record, "settings", "rows_per_effective_sample")
-    inflation = inflation if len(inflation) == len(robot) else []
+    inflation = inflation if len(inflation) == len(robot) and not part(record, "statistics") else []
     drawn = []
     for k, joint in enumerate(robot[: values.shape[1]]):
         crossing = np.flatnonzero(values[:, k] < math.exp(-1))
@@ -49,9 +123,7 @@ def section(record: Record, curves: Mapping[str, np.ndarray]) -> Section:
         svg = data_figures.autocorrelation(lag, values[:, k], bound, f"a-{k}", label)
         drawn.append((esc(joint["name"]), esc(falls + later + widened), svg))
     marks = legend(("error", "residual"), *([("rest", "where white noise would stay, 95 %")] if bound else []))
-    finding = "; ".join(told) or "autocorrelation of every joint"
-    body = _words(record, outside) + marks + figures(drawn)
-    return Section("residuals", 9, title, question, body, finding, folded=True)
+    return f"<h3>Autocorrelation</h3>{_words(record, outside)}{marks}{figures(drawn)}"
 
 
 def _settled(record: Record) -> float:

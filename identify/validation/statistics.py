@@ -49,6 +49,7 @@ def statistics(fit: ModelFit, problem: Problem) -> dict[str, Any]:
         known |= {f"{key}_reason": NO_NOISE for key in known}
     else:
         known = _noise(fit, noise)
+    name = (fit.regressor.robot.source or "ROBOT").removeprefix("built-in ")
     return {
         **known,
         "correlations": [
@@ -57,7 +58,7 @@ def statistics(fit: ModelFit, problem: Problem) -> dict[str, Any]:
         ],
         "essential": _essential(fit, problem),
         "unknown": _unknown(fit),
-        "command": f"identify excite {fit.regressor.robot.source or 'ROBOT'} --from DIR -o TRAJECTORY.toml",
+        "command": f"identify excite {name} --from DIR -o TRAJECTORY.toml",
     }
 
 

@@ -121,6 +121,32 @@ def test_a_training_log_is_known_again() -> None:
     assert held_out(review(log), [review(train)], ARM)["is_a_training_log"] is False
 
 
+def test_a_log_that_repeats_the_training_motion_is_told() -> None:
+    """The same trajectory logged at another rate, begun later, with noise of its own; and another trajectory."""
+    train, rate = review(exact_log(ARM, 1, noise=0.1)), 310.0
+    again = exact_log(ARM, 1, rate=rate)
+    rng = np.random.default_rng(3)
+    kept = slice(137, None)
+    position = again.position[kept] + 1e-5 * rng.standard_normal(again.position[kept].shape)
+    assert again.effort is not None
+    again = replace(again, time=again.time[kept] - again.time[137], position=position, effort=again.effort[kept])
+    found = held_out(review(again), [train], ARM)
+    assert found["is_a_training_log"] is False
+    assert found["motion"]["repeat"]["repeats"] is True
+    assert found["motion"]["repeat"]["share_percent"] > 90
+    other = held_out(review(exact_log(ARM, 2, rate=rate)), [train], ARM)["motion"]
+    assert other["repeat"]["share_percent"] < 2
+    assert other["distance"]["median"] > 5 * found["motion"]["distance"]["median"]
+
+
+def test_a_joint_predicted_no_better_than_by_its_mean_is_marked() -> None:
+    log = exact_log(ARM, 2)
+    wrong = held_out(review(log, half=-HALF), [review(exact_log(ARM, 1))], ARM)["per_joint"]
+    right = held_out(review(log, half=REGRESSOR.parameters), [review(exact_log(ARM, 1))], ARM)["per_joint"]
+    assert [joint["worse_than_mean"] for joint in right] == [False] * 3
+    assert any(joint["worse_than_mean"] for joint in wrong)
+
+
 def test_the_nominal_model_stands_beside_the_identified_one() -> None:
     log = exact_log(ARM, 2)
     nominal = nominal_parameters(REGRESSOR)

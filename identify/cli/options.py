@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 
-ESTIMATORS = ("ols", "wls", "huber", "tukey", "idim-iv", "didim", "both", "energy", "power")
+ESTIMATORS = ("ols", "wls", "huber", "tukey", "idim-iv", "didim", "ml", "both", "energy", "power")
 """Names of `estimation.estimators.registry`, here as well so that help need not load it."""
 
 LOG = "MCAP file or ROS 2 bag folder with joint states, or with --map a table"

@@ -10,6 +10,7 @@ from identify.estimation.energy import energy_least_squares
 from identify.estimation.estimators.both import both
 from identify.estimation.estimators.didim import didim
 from identify.estimation.estimators.idim_iv import idim_iv
+from identify.estimation.estimators.ml import ml
 from identify.estimation.estimators.power import power
 from identify.estimation.estimators.problem import Problem
 from identify.estimation.estimators.robust import huber, tukey
@@ -46,6 +47,7 @@ ESTIMATORS = {
         Estimator("tukey", "weighted least squares, worst rows left out (Tukey)", "torque", tukey),
         Estimator("idim-iv", "instrumental variables from a simulated closed loop (IDIM-IV)", "torque", idim_iv),
         Estimator("didim", "effort of a simulated closed loop fitted to the measured (DIDIM)", "torque", didim),
+        Estimator("ml", "maximum likelihood over averaged periods", "torque", ml),
         Estimator("both", "weighted least squares over the rows of torque and energy", "torque", both),
         Estimator(
             "energy",

@@ -25,7 +25,7 @@ POSES = 256
 TINY = 1e-9
 """Lengths [m] this small are none."""
 
-ALWAYS = 0.5
+ALWAYS = 2 / 3
 """Share of the poses from which two links that touch count as built so."""
 
 
@@ -58,7 +58,7 @@ class Clearance:
         A link's radius is the description's, else RADIUS of the reach. The last link ends at the tool point, or where
         none is described, as far beyond its centre of mass as this is from O_n. Without a floor in the description, it
         is the world's plane z = 0 where O_1 stands above that. Neighbouring links count as built to touch, and so do
-        links that overlap in more than half of random poses, or lie as often below a floor that no description gives.
+        links that overlap in two thirds of random poses, or lie as often below a floor that no description gives.
         """
         if any(joint.parent != j - 1 for j, joint in enumerate(robot.joints)):
             return None

@@ -74,17 +74,19 @@ class Criterion:
         to_motion: Motion = (np.zeros_like(motion[0]),) * 3
         share = 0.5 if self.name == "both" else 1.0
         if self.name != "energy":
-            scale = np.outer(self.torque_scale / np.sqrt(self.samples), self.torque.weight)[:, :, None]
-            rows = (columns * scale).reshape(len(columns), -1)
-            worth, to_rows = log_variance(rows, self._reference * self.torque_scale, self._torque_known)
+            scale = self.torque_scale / np.sqrt(self.samples)
+            rows = np.concatenate(list(self.torque.factors(columns))) * scale
+            worth, turn = log_variance(rows, self._reference * self.torque_scale, self._torque_known)
             value += share * worth
-            to_columns = to_rows.reshape(columns.shape) * (share * scale)
+            turn *= share * np.outer(scale, scale)
+            for j, (support, weight) in enumerate(zip(self.torque.supports, self.torque.weight, strict=True)):
+                to_columns[support, j] = (weight**2 * turn[np.ix_(support, support)]) @ columns[support, j]
         if self.name != "torque":
-            scale = (self.energy_scale / np.sqrt(self.windows))[:, None]
-            rows = self.energy.columns(motion) * scale
-            worth, to_rows = log_variance(rows, self._reference * self.energy_scale, self._energy_known)
+            scale = self.energy_scale[:, None] / np.sqrt(self.windows)
+            scaled = self.energy.columns(motion) * scale
+            worth, turn = log_variance(scaled.T, self._reference * self.energy_scale, self._energy_known)
             value += share * worth
-            to_motion = self.energy.pull_back(motion, share * to_rows * scale)
+            to_motion = self.energy.pull_back(motion, share * (turn @ scaled) * scale)
         return float(value), to_columns, to_motion
 
     def condition(self, motion: Motion) -> str:

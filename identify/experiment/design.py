@@ -138,7 +138,8 @@ class Design:
         sides = np.maximum(0.0, given[: len(shares)] + weight * (np.abs(shares) - (1 - MARGIN)))
         value += (np.sum(sides**2) - np.sum(given**2)) / (2 * weight * self.samples)
         *direct, by_effort = np.split(sides * np.sign(shares) / self.samples, 4)
-        to_columns += self._smooth[:, None, None] * (by_effort / self._room[:, None])
+        for j, support in enumerate(torque.supports):
+            to_columns[support, j] += np.outer(self._smooth[support], by_effort[j] / self._room[j])
         pulled = torque.pull_back(motion, to_columns)
         q, dq, ddq = (
             one + other + third / scale

@@ -112,12 +112,13 @@ def designed_excitation(
 def _not_found(robot: Robot, duration: float, margins: Margins) -> str:
     """Why no motion was found, in one line."""
     gap = min(margins.gaps.values(), default=0.0)
+    why = f"the best one needs {100 * max(margins.use.values()):.0f} % of {margins.tightest}"
+    mend = "mend the limits or inertias of the robot file, or give the motion more time"
     if gap < 0:
         why = f"in the best one {margins.nearest} overlap by {-1000 * gap:.0f} mm"
-        mend = "mend floor, radius or tool in the robot file, or leave floor and links out of it with --no-collision"
-    else:
-        why = f"the best one needs {100 * max(margins.use.values()):.0f} % of {margins.tightest}"
-        mend = "mend the limits or inertias of the robot file, or give the motion more time"
+        mend = "mend floor, radius or tool in the robot file"
+    if margins.gaps:
+        mend += ", or leave floor and links out of it with --no-collision"
     return f"{robot.name}: no motion of {duration:g} s within the limits was found ({why}); {mend}"
 
 

@@ -8,6 +8,7 @@ columns are pulled back by hand. Coulomb friction has a smooth sign here, so tha
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,25 +32,23 @@ DISTINCT = 1e-10
 """Smallest singular value of column-scaled rows, as a share of the largest, that counts as information."""
 
 
-def log_variance(
-    columns: np.ndarray, reference: np.ndarray, known: np.ndarray | None = None
-) -> tuple[float, np.ndarray]:
-    """What the estimate from an observation matrix A is worth, the smaller the better, and its derivative (p, K).
+def log_variance(rows: np.ndarray, reference: np.ndarray, known: np.ndarray | None = None) -> tuple[float, np.ndarray]:
+    """What the estimate from an observation matrix A is worth, the smaller the better, and a symmetric M (p, p): its
+    derivative with respect to A is A·M.
 
-    columns (p, K): A transposed. known (r, p): rows that stand for what is known already, and count as A's.
+    rows (K, p): A, or what has the same AᵀA. known (r, p): rows that stand for what is known already, and count as A's.
     −log det(AᵀA)/p + log(tr((AᵀA)⁻¹·RᵀR)/p): the mean log variance of the parameters (D-optimal), which no scaling of
     the columns changes but for a constant, plus the log of the mean variance of what they predict on the reference
     rows R (V-optimal; Atkinson & Donev 1992).
     """
-    p = len(columns)
-    rows = [columns.T, RIDGE * np.eye(p)] + ([] if known is None else [known])
-    root = inv(qr(np.concatenate(rows), mode="r"))
+    p = rows.shape[1]
+    root = inv(qr(np.concatenate([rows, RIDGE * np.eye(p)] + ([] if known is None else [known])), mode="r"))
     predicted = reference @ root
     total = float(np.sum(predicted**2))
     # AᵀA = (root·rootᵀ)⁻¹
     value = 2.0 * np.sum(np.log(np.abs(np.diag(root)))) / p + np.log(total / p)
     inner = np.eye(p) / p + predicted.T @ predicted / total
-    return float(value), (-2.0 * root @ inner @ root.T) @ columns
+    return float(value), -2.0 * root @ inner @ root.T
 
 
 def reference_factor(columns: np.ndarray) -> np.ndarray:
@@ -117,7 +116,8 @@ class JointTerms:
 class TorqueModel:
     """The torque regressor along N samples, transposed, and what a sum over its entries is worth to the motion.
 
-    noise (n,): σ of each joint's effort, or what it is proportional to; rows count 1/σ, its `weight`.
+    noise (n,): σ of each joint's effort, or what it is proportional to; rows count 1/σ, its `weight`. supports: columns
+    that each joint's rows have.
     """
 
     def __init__(self, regressor: Regressor, samples: int, width: np.ndarray, noise: np.ndarray) -> None:
@@ -125,6 +125,7 @@ class TorqueModel:
         self.p = regressor.p
         self.terms = JointTerms.of(regressor, width)
         self.weight = 1.0 / noise
+        self.supports = regressor.supports
         graph = Graph()
         column = {standard: at for at, standard in enumerate(kept)}
         entries = {(i, column[c]): e for (i, c), e in torque_regressor(graph, robot, kept).items()}
@@ -140,6 +141,14 @@ class TorqueModel:
         y[terms.coulomb_at] = terms.arms[:, :, None] * terms.signs(dq)[1][:, None, :]
         y[terms.offset_at] = terms.offset[:, :, None]
         return y
+
+    def factors(self, columns: np.ndarray) -> Iterator[np.ndarray]:
+        """Of columns (p, n, N), each joint's weighted rows as a triangle that has the same product, (s, p)."""
+        for j, support in enumerate(self.supports):
+            found = qr(columns[support, j].T, mode="r")
+            factor = np.zeros((len(found), self.p))
+            factor[:, support] = self.weight[j] * found
+            yield factor
 
     def pull_back(self, motion: Motion, adjoint: np.ndarray) -> Motion:
         """Derivatives of Σ adjoint·columns, adjoint (p, n, N), with respect to the motion."""

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
 from arms import OFFSET_SHOULDER, PUMA, SCARA, STANFORD
+from capsules import ends, engine_gaps
 from chains import random_chain
 from numpy.testing import assert_allclose
-from oracle import pinocchio_model
 
 from identify import load_robot
 from identify.experiment.clearance import Clearance
-from identify.experiment.excitation import excite
 from identify.experiment.limits import working_limits
-from identify.experiment.trajectory import random_trajectory
 from identify.robot.robot import Robot
 from identify.robot.transforms import from_roll_pitch_yaw, to_matrix
 
@@ -34,42 +30,6 @@ def dressed(robot: Robot) -> Robot:
 def poses(robot: Robot, count: int, seed: int = 0) -> np.ndarray:
     limits = working_limits(robot)
     return np.random.default_rng(seed).uniform(limits.low, limits.high, (count, robot.n))
-
-
-def ends(robot: Robot, q: np.ndarray, foot: np.ndarray, tip: np.ndarray) -> np.ndarray:
-    """(n + 2, 3) foot, O_1 … O_n and tip in the world, by Pinocchio."""
-    model = pinocchio_model(robot)
-    data = model.createData()
-    pin.forwardKinematics(model, data, q)
-    base = pin.SE3(np.array(robot.base))
-    frames = [base * data.oMi[j] for j in range(1, robot.n + 1)]
-    return np.array([foot, *(frame.translation for frame in frames), frames[-1].act(tip)])
-
-
-def engine_gaps(clearance: Clearance, q: np.ndarray) -> Iterator[float]:
-    """The gaps at one pose (n,) by MuJoCo: capsules placed in the world, and a plane for the floor."""
-    points = ends(clearance.robot, q, clearance.foot, clearance.tip)[list(clearance.points)]
-    shapes = "".join(
-        f'<geom name="link{s}" type="capsule" size="{radius}" fromto="{" ".join(map(str, (*a, *b)))}"/>'
-        for s, (radius, a, b) in enumerate(zip(clearance.radius, points[:-1], points[1:], strict=True))
-    )
-    floor = 0.0 if clearance.floor is None else clearance.floor
-    shapes += f'<geom name="floor" type="plane" size="9 9 1" pos="0 0 {floor}"/>'
-    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{shapes}</worldbody></mujoco>")
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-
-    def distance(first: str, second: str) -> float:
-        numbers = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name) for name in (first, second))
-        return float(mujoco.mj_geomDistance(model, data, *numbers, 10.0, None))
-
-    for i, k in clearance.pairs:
-        yield distance(f"link{i}", f"link{k}")
-    for at in clearance.over:
-        # the lower end of the thicker of the two capsules that meet in this point
-        meeting = [s for s in (at - 1, at) if s < len(clearance.radius)]
-        thick = max(clearance.radius[s] for s in meeting)
-        yield float(points[at, 2]) - floor - thick
 
 
 def revolute_chain() -> Robot:
@@ -190,17 +150,3 @@ def test_links_that_touch_in_most_poses_count_as_built_so() -> None:
     thick = tuple(replace(joint, radius=0.4) for joint in robot.joints)
     clearance = Clearance.of(replace(robot, joints=thick, floor=None))
     assert clearance is None or (1, 3) not in clearance.pairs
-
-
-def test_the_default_design_of_the_rx90_is_clear_by_mujocos_measure() -> None:
-    robot = load_robot("rx90")
-    clearance = Clearance.of(robot)
-    assert clearance is not None
-    trajectory = excite(robot, starts=1)
-    q = trajectory.sample(np.linspace(0.5, 10.5, 120))[0]
-    least = min(min(engine_gaps(clearance, pose)) for pose in q)
-    assert least > 0.01
-    # a motion inside all other limits may well run into the arm itself and through the floor
-    blind = random_trajectory(robot, 0)
-    assert clearance.gaps(blind.sample(np.linspace(0.5, 10.5, 1000))[0].T).min() < -0.05
-    assert "joint_" in trajectory.note.split(" mm between ")[1]

@@ -121,35 +121,46 @@ def test_what_is_pulled_back_is_the_derivative(model: str) -> None:
 
 def test_criterion_is_log_determinant_plus_log_predicted_variance_with_its_derivative() -> None:
     rng = np.random.default_rng(1)
-    columns, other = rng.standard_normal((7, 40)), rng.standard_normal((7, 90)) * np.arange(1.0, 8.0)[:, None]
+    rows, other = rng.standard_normal((40, 7)), rng.standard_normal((7, 90)) * np.arange(1.0, 8.0)[:, None]
     reference = reference_factor(other)
     assert_allclose(reference.T @ reference, other @ other.T / 90, rtol=1e-12, atol=1e-12)
-    value, derivative = log_variance(columns, reference)
-    information = columns @ columns.T
+    value, turn = log_variance(rows, reference)
+    information = rows.T @ rows
     predicted = np.mean([r @ np.linalg.solve(information, r) for r in other.T])
     assert value == pytest.approx(-np.linalg.slogdet(information)[1] / 7 + np.log(predicted / 7), rel=1e-9)
-    along = rng.standard_normal(columns.shape)
-    numeric = central(lambda by: log_variance(columns + by * along, reference)[0], 1e-4)
-    assert np.sum(derivative * along) == pytest.approx(numeric, rel=1e-8)
+    along = rng.standard_normal(rows.shape)
+    numeric = central(lambda by: log_variance(rows + by * along, reference)[0], 1e-4)
+    assert np.sum(rows @ turn * along) == pytest.approx(numeric, rel=1e-8)
 
 
 def test_what_is_known_counts_as_so_many_more_rows() -> None:
     rng = np.random.default_rng(5)
-    columns, earlier, reference = rng.standard_normal((6, 30)), rng.standard_normal((6, 12)), np.eye(6)
-    value, derivative = log_variance(columns, reference, earlier.T)
-    together, its = log_variance(np.concatenate([columns, earlier], axis=1), reference)
+    rows, earlier, reference = rng.standard_normal((30, 6)), rng.standard_normal((12, 6)), np.eye(6)
+    value, turn = log_variance(rows, reference, earlier)
+    together, its = log_variance(np.concatenate([rows, earlier]), reference)
     assert value == pytest.approx(together, rel=1e-12)
-    assert_allclose(derivative, its[:, :30], rtol=1e-9, atol=1e-12)
+    assert_allclose(turn, its, rtol=1e-9, atol=1e-12)
+
+
+def test_joints_triangles_have_the_products_of_all_weighted_rows() -> None:
+    robot = coupled_robot()
+    regressor = Regressor(robot)
+    motion, _ = motion_of(robot)
+    model = TorqueModel(regressor, SAMPLES, np.full(3, 0.2), NOISE)
+    columns = model.columns(motion)
+    rows = (columns / NOISE[:, None]).reshape(regressor.p, -1)
+    factors = np.concatenate(list(model.factors(columns)))
+    assert len(factors) <= 3 * regressor.p < rows.shape[1]
+    assert_allclose(factors.T @ factors, rows @ rows.T, rtol=1e-9, atol=1e-9 * np.abs(rows @ rows.T).max())
 
 
 def test_units_of_the_parameters_only_shift_the_criterion() -> None:
     rng = np.random.default_rng(2)
     reference = reference_factor(rng.standard_normal((5, 30)))
     units = np.array([1.0, 7.0, 0.3, 20.0, 0.05])
-    first, second = rng.standard_normal((2, 5, 25))
+    first, second = rng.standard_normal((2, 25, 5))
     shifts = [
-        log_variance(columns * units[:, None], reference * units)[0] - log_variance(columns, reference)[0]
-        for columns in (first, second)
+        log_variance(rows * units, reference * units)[0] - log_variance(rows, reference)[0] for rows in (first, second)
     ]
     assert shifts[0] == pytest.approx(shifts[1], abs=1e-9)
     assert shifts[0] == pytest.approx(-2 * np.log(units).mean(), abs=1e-9)
@@ -157,16 +168,16 @@ def test_units_of_the_parameters_only_shift_the_criterion() -> None:
 
 def test_a_column_that_nothing_excites_costs_a_constant_and_no_derivative() -> None:
     rng = np.random.default_rng(3)
-    columns = rng.standard_normal((6, 40))
-    columns[4] = columns[1] - 2 * columns[2]
+    rows = rng.standard_normal((40, 6))
+    rows[:, 4] = rows[:, 1] - 2 * rows[:, 2]
     reference = rng.standard_normal((6, 6))
     reference[:, 4] = reference[:, 1] - 2 * reference[:, 2]
-    value, derivative = log_variance(columns, reference)
+    value, turn = log_variance(rows, reference)
     assert np.isfinite(value)
     # the whole matrix stretched: the five directions that are told lose 2·log of variance each, the sixth nothing
-    stretched, _ = log_variance(1.1 * columns, reference)
+    stretched, _ = log_variance(1.1 * rows, reference)
     assert stretched - value == pytest.approx(-(5 / 6 + 1) * 2 * np.log(1.1), abs=1e-6)
-    assert np.isfinite(derivative).all()
+    assert np.isfinite(rows @ turn).all()
 
 
 def test_condition_number_is_of_scaled_columns_and_names_those_that_cannot_be_told_apart() -> None:

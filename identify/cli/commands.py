@@ -252,9 +252,11 @@ def check(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 def report(options: argparse.Namespace, arguments: Sequence[str]) -> int:
     """Write the report of a result folder anew."""
+    from identify.estimation.payload_result import RECORD
     from identify.report.page import write
+    from identify.report.payload import write_payload_page
 
-    print(write(options.result))
+    print((write_payload_page if (Path(options.result) / RECORD).is_file() else write)(options.result))
     return 0
 
 

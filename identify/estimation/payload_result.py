@@ -8,9 +8,11 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
+from identify.errors import InputError
 from identify.estimation.identification import CURVES
 from identify.logs.folders import check_replaceable, replacing_folder
 from identify.numbers import entry, significant
@@ -77,6 +79,22 @@ def save_payload(
         if page:
             (part / "report.html").write_text(page, encoding="utf-8")
     return target
+
+
+def load_payload(folder: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The record and the curves of a payload's folder, a refused one's too. InputError where it is none."""
+    path = folder / RECORD
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        with open(folder / CURVES, "rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            curves = {name: stored[name] for name in stored.files}
+    except (ValueError, OSError, EOFError, BadZipFile) as error:
+        raise InputError(
+            f"{folder}: its {RECORD} or {CURVES} can't be read ({error}); identify the load again"
+        ) from error
+    if not isinstance(record, dict) or record.get("format") != FORMAT:
+        raise InputError(f'{path}: is not of format "{FORMAT}"; identify the load again')
+    return record, curves
 
 
 def answer(record: dict[str, Any]) -> str:

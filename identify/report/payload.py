@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from identify.estimation.payload_result import answer, subscripts
+from identify.estimation.payload_result import answer, load_payload, subscripts
+from identify.logs.files import replacing
 from identify.numbers import DASH, column, entry, finite, given, percent, significant
 from identify.report.curve_figures import panel
 from identify.report.drawing import drawing
@@ -54,6 +57,18 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
     shown = "\n".join(section_html(s) for s in sections)
     main = f'{SPRITE}\n<main>\n{_header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n{shown}\n</main>'
     return document(f"{name}: load", main)
+
+
+def write_payload_page(folder: str | os.PathLike[str]) -> Path:
+    """Write `report.html` into a payload's folder anew, from `payload.json` and `curves.npz`; its path.
+
+    InputError where the folder holds no payload, OutputError where the report can't be written.
+    """
+    record, curves = load_payload(Path(folder))
+    path = Path(folder) / "report.html"
+    with replacing(path) as stream:
+        stream.write(render(record, curves).encode())
+    return path
 
 
 def _header(record: Record) -> str:

@@ -80,7 +80,7 @@ def load_verdict(record: dict[str, Any]) -> dict[str, Any]:
     if record["gains"] is None and before is not None and residual > max(WORSE * before, NOISE):
         reasons.append(
             f"arm and load leave {residual:.2g} % of the effort in motion unexplained, the fit left {before:.2g} % of "
-            "its own log: something else than the load has changed"
+            "its own log: something else than the load has changed, for which the deviations do not allow"
         )
         actions.append(ACTIONS["other"])
     physical = record["physical"]

@@ -47,6 +47,11 @@ def test_a_load_is_identified_and_told(run, files: Path) -> None:
     assert "--force" in again.err
     printed = run("payload", files / "fit", files / "loaded.mcap", "-o", "new/load", "--force", "--json")
     assert printed.json == json.loads(Path("new/load/payload.json").read_text(encoding="utf-8"))
+    page = Path("new/load/report.html")
+    before = page.read_bytes()
+    page.unlink()
+    assert run("report", "new/load").out.strip() == "new/load/report.html"
+    assert page.read_bytes() == before
     held = run("payload", files / "fit", files / "loaded.mcap", "-o", "held", "--friction", "same", "--json")
     assert held.json["settings"]["friction_may_change"] is False
 
@@ -144,3 +149,20 @@ def test_a_motion_for_a_load_is_slower_than_one_without(run, arm) -> None:
     both = run(*command, "-o", "c.toml", "--payload", "20", "--from", "fit")
     assert both.status == 2
     assert "leave one of them out" in both.err
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("{", "can't be read"),
+        ('{"format": "other"}', 'is not of format "identify/payload/1"'),
+        ("[]", "is not of format"),
+    ],
+)
+def test_a_damaged_folder_is_told_in_one_line(run, files: Path, text: str, told: str) -> None:
+    assert run("payload", files / "fit", files / "last.mcap", "-o", "load").status == 1
+    Path("load/payload.json").write_text(text, encoding="utf-8")
+    outcome = run("report", "load")
+    assert outcome.status == 2
+    assert told in outcome.err
+    assert len(outcome.err.strip().splitlines()) == 1

@@ -6,8 +6,8 @@ but not their scale: an arm of half the mass with half the gains draws the same 
 
     i_j = h_j·W_j·(θ + K·φ + E·δ) + noise,    h_j = 1/g_j,    φ_M known,    δ as in `payload`,
 
-by maximum likelihood: the noise is that of the current, so that h stands on the side of the model. Total least squares
-of the form g_j·i_j = W_j·x, linear in its unknowns, gives the start.
+by maximum likelihood: the noise is that of the current, so that h stands on the side of the model. Least squares of
+the form g_j·i_j = W_j·x, linear in its unknowns and biased by the noise, gives the start.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from identify.logs.log import Log
 from identify.regressor.regressor import Regressor
 
 STEPS = 50
-CONVERGED = 1e-9
+CONVERGED = 1e-8
 """Steps of Gauss and Newton at most, and the relative size of one that counts as none."""
 
 PASSES = 3
@@ -175,6 +175,8 @@ def _refined(
         x, h = x + share * step[:-n], h + share * step[-n:]
         if np.linalg.norm(step[-n:] / h) < CONVERGED:
             break
+    else:
+        raise UnsupportedLogError("the drive gains do not settle: the logs hold too little of the load's mass")
     return x, h, root, condition, silent
 
 

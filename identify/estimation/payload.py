@@ -230,7 +230,7 @@ class _Problem:
         root = root_of_information(unloaded.covariance)
         # A friction of nothing may still change by what it is uncertain by.
         own = np.sqrt(np.diag(unloaded.covariance))[[regressor.names.index(name) for name in freed]]
-        spread = FRICTION_CHANGE * friction_scales(regressor, unloaded.parameters, freed) + own
+        spread = np.maximum(FRICTION_CHANGE * friction_scales(regressor, unloaded.parameters, freed) + own, 1e-12)
         known = np.zeros((p + f, p + f + TEN))
         known[:p, :p] = root
         known[range(p, p + f), range(p, p + f)] = 1 / spread

@@ -10,9 +10,10 @@ from symbolic_models import states
 
 from identify.errors import InputError
 from identify.regressor.columns import smooth_sign
-from identify.regressor.friction import chosen_forms, further_forms, presliding_state
+from identify.regressor.friction import FURTHER, FrictionConstants, chosen_forms, further_forms, presliding_state
 from identify.regressor.regressor import Regressor
 from identify.robot.library import load_robot
+from identify.validation.engines import pinocchio_torque
 
 BOTH = ("cube_root", "presliding")
 DISTANCE = 2e-3
@@ -134,3 +135,68 @@ def test_units() -> None:
         force, speed = (joint.effort_unit, f"s/{joint.position_unit}")
         assert [units[f"{kind}{j}"] for kind in ("Fs", "Fp", "Fc")] == [force, force, f"{force}·∛({speed})"]
     assert {joint.type for joint in arm.joints} == {"revolute", "prismatic"}
+
+
+def test_columns_of_forms_with_constants() -> None:
+    """Stribeck, asymmetric and load-dependent friction by their formulas; the load by Pinocchio."""
+    robot = load_robot("rx90")
+    base = Regressor(robot, False)
+    mean = (40.0, 60.0, 30.0, 2.0, 3.0, 1.0)
+    load = base.theta(robot.standard, {})
+    constants = FrictionConstants(0.3, tuple(load), mean)
+    regressor = Regressor(robot, ("load", "asymmetric", "stribeck"), compiler=False, constants=constants)
+    assert regressor.forms == ("stribeck", "asymmetric", "load")
+    p = Regressor(robot).p
+    assert regressor.names[p:] == tuple(f"{kind}{j}" for j in range(1, 7) for kind in ("Fb", "Fa", "Fl"))
+    q, dq, ddq = states(np.random.default_rng(5), robot, 30)
+    dq *= 0.2
+    sign = smooth_sign(0.1)
+    smooth = np.clip(dq / 0.1, -1, 1)
+    rigid = pinocchio_torque(robot, robot.standard, q, dq, ddq)
+    expected = np.zeros((30, 6, 18))
+    for j in range(6):
+        expected[:, j, 3 * j] = smooth[:, j] * np.exp(-np.abs(dq[:, j]) / 0.3)
+        expected[:, j, 3 * j + 1] = np.abs(dq[:, j])
+        expected[:, j, 3 * j + 2] = smooth[:, j] * np.abs(rigid[:, j]) / mean[j]
+    y = regressor.torque(q, dq, ddq, sign=sign)
+    np.testing.assert_allclose(y[:, :, p:], expected, rtol=0, atol=1e-12)
+    theta = np.random.default_rng(6).normal(size=regressor.p)
+    np.testing.assert_allclose(regressor.inverse_dynamics(q, dq, ddq, theta, sign), y @ theta, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(regressor.slotine_li(q, dq, dq, ddq, sign), y, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(regressor.torque(q[3], dq[3], ddq[3], sign=sign), y[3], rtol=0, atol=1e-12)
+    taken = np.einsum("nj,njk->nk", dq, y)[:, p:]
+    power = regressor.power(dq, sign, load=regressor.load(q, dq, ddq))
+    np.testing.assert_allclose(power[:, p:], taken, rtol=0, atol=1e-12)
+    rows = [
+        np.concatenate(parts, axis=1)
+        for parts in zip(*map(_copied, regressor.rows(q, dq, ddq, rigid, sign)), strict=True)
+    ]
+    for j, support in enumerate(regressor.supports):
+        np.testing.assert_allclose(rows[j][:-1], y[:, j, support].T, rtol=0, atol=1e-12)
+    unloaded = regressor.with_forms(regressor.forms, FrictionConstants(0.3))
+    mean_load = unloaded.torque(q, dq, ddq, sign=sign)[:, :, p:]
+    np.testing.assert_allclose(mean_load[:, range(6), range(2, 18, 3)], smooth, rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(regressor.torque(q, dq, ddq, sign=sign), y)  # the copy left its model alone
+
+
+def _copied(block: list[np.ndarray]) -> list[np.ndarray]:
+    return [rows.copy() for rows in block]
+
+
+def test_a_coupled_motor_has_every_form_but_the_load() -> None:
+    whole = Regressor(load_robot("tx40"), FURTHER, compiler=False)
+    assert [name for name in whole.names if name.endswith("m6")] == [
+        "Iam6",
+        "Fvm6",
+        "Fsm6",
+        "Fcm6",
+        "Fpm6",
+        "Fbm6",
+        "Fam6",
+    ]
+    assert len(whole.units) == whole.p == 61 + 6 * 5 + 4
+    q, dq, ddq = states(np.random.default_rng(7), whole.robot, 5)
+    y = whole.torque(q, dq, ddq)
+    speed = dq[:, 4] + dq[:, 5]
+    for name, law in (("Fbm6", np.sign(speed) * np.exp(-np.abs(speed) / 0.1)), ("Fam6", np.abs(speed))):
+        np.testing.assert_allclose(y[:, 4:, whole.names.index(name)], np.stack([law, law], axis=1), rtol=0, atol=1e-14)

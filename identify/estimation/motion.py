@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from identify.logs.log import Log
+from identify.logs.triage import REST_SPEED
 
 JITTER = 0.02
 """Steps that differ from the mean step by more than this share of it are resampled onto the mean step."""
@@ -23,6 +24,17 @@ PIECE_S = 15.0
 
 FORGOTTEN = 1e-11
 """Share of what a low-pass met at an end of a record that may be left of it where the end counts as far away."""
+
+BUSY, FADE = 0.6, 0.5
+"""How far around a start, stop or reversal the higher of two cut-offs rules, and over how long the lower one takes its
+place, in periods of the lower: so far it would spread what happens there."""
+
+HEARD = 1.0
+"""Over how many periods of the lower cut-off motion is told from noise."""
+
+ABOVE, ABOVE_TURNING = 4.0, 1.2
+"""What the lower one takes away counts as motion where its power is so many times that of the noise, and so many at a
+start, stop or reversal, where some is to be expected."""
 
 _BLOCK = 1 << 16
 
@@ -134,15 +146,83 @@ def continuation(x: np.ndarray, length: int) -> np.ndarray:
     return np.vander(-rows[1:], 3, increasing=True) @ parabola + 2 * rest[0] - rest[1:]
 
 
-def motion_at(log: Log, rows: slice, cutoff: float, ticks: tuple[np.ndarray, float, bool]) -> Motion:
-    """The log's motion at these rows, without step, of its even clock `ticks`, as `clock` gives it: position low-passed
-    at `cutoff` [Hz]. Of a part of a log, as of the whole."""
+@dataclass(frozen=True)
+class Smoothing:
+    """How noise is taken out of positions: a low-pass at `cutoff` [Hz], and where `quiet` [Hz] is lower, at that where
+    it takes nothing but noise away. Friction bends a motion at starts, stops and reversals; it may be fast elsewhere.
+
+    The noise is taken as white, of the power that is left above `cutoff` there; coloured noise counts as motion.
+    """
+
+    cutoff: float
+    quiet: float | None = None
+
+    def __call__(self, position: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, q̇, q̈ (N, n) of a position (N, n)."""
+        sharp = differentiated(position, self.cutoff, rate)
+        if self.quiet is None or self.quiet >= self.cutoff:
+            return sharp
+        smooth = differentiated(position, self.quiet, rate)
+        span = round(HEARD / self.quiet * rate)
+        lost, noise = _mean_square(sharp[2] - smooth[2], span), _mean_square(position - sharp[0], span)
+        noise *= _white(self.cutoff, self.quiet, rate)
+        kept = (lost > ABOVE * noise) | ((lost > ABOVE_TURNING * noise) & _turning(smooth[1]))
+        share = _around(kept, self.quiet, rate)
+        for x, y in zip(sharp, smooth, strict=True):
+            x -= y
+            x *= share
+            x += y
+        return sharp
+
+    def settled(self, rate: float) -> int:
+        """Samples after which an end is forgotten."""
+        if self.quiet is None or self.quiet >= self.cutoff:
+            return settled(self.cutoff, rate)
+        return settled(self.quiet, rate) + round((BUSY + FADE + HEARD) / self.quiet * rate)
+
+
+def _turning(dq: np.ndarray) -> np.ndarray:
+    """(N, n) bool: starts, stops and reversals of velocities (N, n), and the record's ends."""
+    still = np.abs(dq) <= REST_SPEED
+    turning = np.ones(dq.shape, dtype=bool)
+    turning[1:-1] = (still[1:-1] != still[:-2]) | (dq[1:-1] * dq[:-2] < 0)
+    return turning
+
+
+def _around(what: np.ndarray, quiet: float, rate: float) -> np.ndarray:
+    """(N, n) 1 around what (N, n) is true for, 0 elsewhere, with slopes between."""
+    from scipy.ndimage import maximum_filter1d, uniform_filter1d
+
+    around = maximum_filter1d(what.astype(np.uint8), 2 * round(BUSY / quiet * rate) + 1, axis=0, mode="nearest")
+    return np.asarray(uniform_filter1d(around.astype(float), round(FADE / quiet * rate) | 1, axis=0, mode="nearest"))
+
+
+def _mean_square(x: np.ndarray, span: int) -> np.ndarray:
+    """(N, n) mean square of x (N, n) over the `span` samples around each."""
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(x**2, max(1, span), axis=0, mode="nearest"))
+
+
+@lru_cache(maxsize=64)
+def _white(cutoff: float, quiet: float, rate: float) -> float:
+    """What white noise of a position leaves between the accelerations of two low-passes, over what the higher one takes
+    away of the position: the ratio of their variances."""
+    impulse = np.zeros((2 * settled(quiet, rate) + 1, 1))
+    impulse[len(impulse) // 2] = 1.0
+    sharp, smooth = (differentiated(impulse, f, rate) for f in (cutoff, quiet))
+    return float(np.sum((sharp[2] - smooth[2]) ** 2) / np.sum((impulse - sharp[0]) ** 2))
+
+
+def motion_at(log: Log, rows: slice, smoothing: Smoothing, ticks: tuple[np.ndarray, float, bool]) -> Motion:
+    """The log's motion at these rows, without step, of its even clock `ticks`, as `clock` gives it. Of a part of a log,
+    as of the whole."""
     time, rate, regular = ticks
-    margin = settled(cutoff, rate)
+    margin = smoothing.settled(rate)
     around = slice(max(0, rows.start - margin), min(len(time), rows.stop + margin))
     position = log.position[around] if regular else resampled(log, time[around], log.position)[0]
     inside = slice(rows.start - around.start, rows.stop - around.start)
-    q, dq, ddq = differentiated(position, cutoff, rate)
+    q, dq, ddq = smoothing(position, rate)
     return Motion(time[rows], q[inside], dq[inside], ddq[inside], rate)
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identify.estimation.motion import PIECE_S, clock, decimated, differentiated, resampled, settled, thinned
+from identify.estimation.motion import PIECE_S, clock, decimated, resampled, settled, thinned
 from identify.estimation.settings import STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.friction import Presliding
@@ -79,11 +79,11 @@ def signal_pieces(
     time, rate, regular = clock(log)
     factor = max(1, int(rate // WORKING_RATE_HZ))
     total = -(-len(time) // factor)
-    cutoff = settings.position_cutoff_hz
+    smoothing = settings.smoothing
     around = settled(settings.effort_cutoff_hz, rate / factor) if margin is None else round(margin * rate / factor)
     step = total if length == np.inf else max(1, round((length or PIECE_S) * rate / factor))
     states = States(settings.presliding(regressor))
-    lead = -(-settled(min(cutoff, 0.4 * rate / factor), rate) // factor)
+    lead = -(-max(smoothing.settled(rate), settled(0.4 * rate / factor, rate)) // factor)
 
     def filtered(start: int) -> tuple[Signals, np.ndarray]:
         """The piece that starts there, without presliding states, and the positions that these follow."""
@@ -95,7 +95,7 @@ def signal_pieces(
         position, effort = log.position[samples], measured[samples]
         if not regular:
             position, effort = resampled(log, time[samples], log.position, measured)
-        q, dq, ddq = differentiated(position, cutoff, rate)
+        q, dq, ddq = smoothing(position, rate)
         kept = slice(shown.start - needed.start, shown.stop - needed.start)
         # The motion is already low-passed: taking every factor-th row of it is enough where the cut-off allows.
         found = Signals(

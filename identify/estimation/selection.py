@@ -11,21 +11,23 @@ all samples where rest is counted, else on those where the joint moves. Test log
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from identify.errors import UnsupportedLogError
+from identify.estimation.cutoff_choice import Validation, choose_cutoffs
 from identify.estimation.energy import energy_least_squares, energy_observation, stacked_energy
 from identify.estimation.friction_choice import SMOOTHING, WORTH_IT, choose_friction, with_friction
 from identify.estimation.least_squares import solution, weights_by_noise
-from identify.estimation.motion import low_pass
-from identify.estimation.observation import END_S, Observation, Signals, moving, signals, stacked, torque_blocks
+from identify.estimation.motion import Smoothing, clock, low_pass, motion_at
+from identify.estimation.observation import END_S, Observation, Signals, signals, stacked, torque_blocks
+from identify.estimation.prediction import EFFORT_HZ
 from identify.estimation.reduction import reduced
-from identify.estimation.scoring import CUTOFF_HZ, relative
-from identify.estimation.settings import CONSTANTS, Settings
+from identify.estimation.scoring import CUTOFF_HZ, SPEED_CUTOFF_HZ, relative
+from identify.estimation.settings import CONSTANTS, STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.friction import FURTHER, LOAD, PRESLIDING, further_forms
 from identify.regressor.regressor import Regressor
@@ -37,26 +39,15 @@ BLOCK_S = 0.5
 GAP_S = 0.1
 """Rows this close to a block left out are left out with it: the filters would carry it over."""
 
-SURE = 2.0
-"""A further form of friction must lower the squared residual by so many standard errors of what it gains, and the
-residual by WORTH_IT."""
-
 CHOOSING = "choosing how rest, friction and noise are met"
 
-CUTOFFS_HZ = (15.0, 20.0, 25.0, 30.0, 40.0, 60.0, 100.0)
 WINDOWS_S = (0.05, 0.1, 0.2)
+MANY = 30
+"""Settings that are about tried in all, for the progress that is told."""
+
 ENERGY_CUTOFFS_HZ = (5.0, 8.0, 10.0, 15.0, 20.0, 40.0)
 
 Progress = Callable[[float, str], None] | None
-
-
-@dataclass(frozen=True, eq=False)
-class Validation:
-    """Residuals of the effort in blocks that the fit has not seen: `percent` {"all_percent", "moving_percent"} [%] of
-    all, and `blocks` of the same names (B,): the sum of their squares over each block of BLOCK_S."""
-
-    percent: dict[str, float]
-    blocks: dict[str, np.ndarray]
 
 
 IMPOSSIBLE = Validation(dict.fromkeys(("all_percent", "moving_percent"), np.inf), {})
@@ -118,8 +109,12 @@ def choose_settings(
 
         open_to = [form for form in FURTHER if form != PRESLIDING or chosen.rest_counted]
         chosen = choose_friction(regressor, logs, chosen, open_to, better)
-    others = [replace(chosen, position_cutoff_hz=f, guard_s=min(0.05, 1 / f)) for f in CUTOFFS_HZ]
-    return others[_least(judged(others, 0.6, 1.0), "moving_percent")], tried
+
+    def noise_met(candidate: Settings) -> Validation:
+        share = 0.6 + 0.4 * min(1.0, len(tried) / MANY)
+        return judged([candidate], share, share)[0]
+
+    return choose_cutoffs(noise_met, chosen), tried
 
 
 def _least(scores: Sequence[Validation], figure: str) -> int:
@@ -130,9 +125,7 @@ def _surely_better(simple: Validation, more: Validation, figure: str) -> bool:
     """Whether the gain is more than SURE of its standard errors, by its scatter over the blocks, and WORTH_IT."""
     if more is IMPOSSIBLE:
         return False
-    gain = simple.blocks[figure] - more.blocks[figure]
-    error = np.std(gain, ddof=1) * np.sqrt(len(gain)) if len(gain) > 1 else np.inf
-    return bool(gain.sum() > SURE * error and simple.percent[figure] - more.percent[figure] >= WORTH_IT)
+    return more.surely_below(simple, figure) and simple.percent[figure] - more.percent[figure] >= WORTH_IT
 
 
 def validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> Validation:
@@ -161,7 +154,7 @@ def validated(regressor: Regressor, logs: Sequence[Log], settings: Settings) -> 
             here = ((s.time + t) // BLOCK_S).astype(int) % FOLDS == k
             slip = None if s.slip is None else s.slip[here]
             hat[here] = regressor.inverse_dynamics(s.q[here], s.dq[here], s.ddq[here], parameters, settings.sign, slip)
-    return _residuals(pieces, predicted)
+    return _residuals(logs, pieces, predicted)
 
 
 def choose_window(
@@ -179,21 +172,23 @@ def choose_window(
             reason = error
             continue
         predicted = [regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign) for s in pieces]
-        tried.append({"settings": candidate.to_dict(), **_residuals(pieces, predicted).percent})
+        tried.append({"settings": candidate.to_dict(), **_residuals(logs, pieces, predicted).percent})
     if not tried:
         raise reason
     return Settings.from_dict(min(tried, key=lambda t: t["moving_percent"])["settings"]), tried
 
 
-def _residuals(pieces: Sequence[Signals], predicted: Sequence[np.ndarray]) -> Validation:
+def _residuals(logs: Sequence[Log], pieces: Sequence[Signals], predicted: Sequence[np.ndarray]) -> Validation:
     """Residuals over the logs' insides: all samples, and those where the joint moves."""
+    predicted = [low_pass(hat, EFFORT_HZ, s.rate) for s, hat in zip(pieces, predicted, strict=True)]
+    moves = [_moves(log)[:: round(log.rate_hz / s.rate)] for s, log in zip(pieces, logs, strict=True)]
     percent, blocks = {}, {}
     for name in ("all_percent", "moving_percent"):
         measured, found, errors = [], [], []
-        for s, hat in zip(pieces, predicted, strict=True):
+        for s, hat, fast in zip(pieces, predicted, moves, strict=True):
             end = round(END_S * s.rate)
             inside = slice(end, len(s.time) - end)
-            mask = moving(s.dq, 0) if name == "moving_percent" else np.ones_like(hat, dtype=bool)
+            mask = fast if name == "moving_percent" else np.ones_like(fast)
             a, b = (low_pass(effort * mask, CUTOFF_HZ, s.rate)[inside] for effort in (s.effort, hat))
             measured.append(a)
             found.append(b)
@@ -202,3 +197,9 @@ def _residuals(pieces: Sequence[Signals], predicted: Sequence[np.ndarray]) -> Va
         percent[name] = relative(np.concatenate(measured), np.concatenate(found)) or 0.0
         blocks[name] = np.concatenate(errors)
     return Validation(percent, blocks)
+
+
+def _moves(log: Log) -> np.ndarray:
+    """(N, n) whether a joint moves, by its position alone: a logged velocity may be noisy or late."""
+    dq = motion_at(log, slice(0, log.samples), Smoothing(SPEED_CUTOFF_HZ), clock(log)).dq
+    return np.asarray(np.abs(dq) > STILL)

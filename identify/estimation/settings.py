@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from identify.estimation.motion import Smoothing
 from identify.logs.triage import REST_SPEED
 from identify.regressor.columns import Sign, smooth_sign
 from identify.regressor.friction import (
@@ -35,7 +36,8 @@ STILL = REST_SPEED
 class Settings:
     """Processing of a log.
 
-    position_cutoff_hz: low-pass of the position before it is differentiated. effort_cutoff_hz: parallel low-pass of
+    position_cutoff_hz: low-pass of the position before it is differentiated; quiet_cutoff_hz: a lower one away from
+    starts, stops and reversals, see `Smoothing`. effort_cutoff_hz: parallel low-pass of
     effort and of every column of the observation matrix, which is then decimated to decimated_rate_hz (Gautier 1997).
     coulomb_velocity: None for the exact sign of the velocity, but for a straight line through rest, |q̇| ≤ STILL, where
     nothing is known of friction; else clip(q̇ / coulomb_velocity, −1, 1) [rad/s or m/s].
@@ -61,17 +63,25 @@ class Settings:
     stribeck_velocity: float | None = None
     load_parameters: tuple[float, ...] | None = None
     mean_load: tuple[float, ...] | None = None
+    quiet_cutoff_hz: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("position_cutoff_hz", "effort_cutoff_hz", "decimated_rate_hz"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} is {getattr(self, name)}; it must be positive")
+        if self.quiet_cutoff_hz is not None and not self.quiet_cutoff_hz > 0:
+            raise ValueError(f"quiet_cutoff_hz is {self.quiet_cutoff_hz}; it must be positive where it is given")
         for form, names in CONSTANTS.items():
             for name in names:
                 value = getattr(self, name)
                 given = value is not None and (name == "load_parameters" or np.min(value) > 0)
                 if (form in self.friction) != given:
                     raise ValueError(f"friction {self.friction} with {name} {value}")
+
+    @property
+    def smoothing(self) -> Smoothing:
+        """What is done to positions."""
+        return Smoothing(self.position_cutoff_hz, self.quiet_cutoff_hz)
 
     @property
     def sign(self) -> Sign:

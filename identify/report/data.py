@@ -12,6 +12,7 @@ from identify.report.record import UNKNOWN, Record, items, joints, part, reason,
 
 DONE = (
     ("position_cutoff_hz", "Positions passed a zero-phase low-pass of {} Hz before they were differentiated"),
+    ("quiet_cutoff_hz", "Away from a joint's starts, stops and reversals that was {} Hz"),
     ("energy_cutoff_hz", "For energies, which need no acceleration, positions passed one of {} Hz"),
     ("effort_cutoff_hz", "Effort and every column of the model passed the same zero-phase low-pass of {} Hz"),
     ("decimated_rate_hz", "Rows were then kept at {} Hz"),

@@ -7,6 +7,7 @@ import pytest
 
 from identify.estimation.motion import (
     GROUP,
+    Smoothing,
     clock,
     continuation,
     decimated,
@@ -127,7 +128,7 @@ def test_a_gap_and_a_slow_drift_are_resampled_too() -> None:
 def test_motion_is_of_the_positions() -> None:
     wave = np.sin(2 * np.pi * 0.5 * TIME)[:, None] * [1.0, -2.0]
     log = log_of(TIME, wave)
-    motion = motion_at(log, slice(0, len(TIME)), 20.0, clock(log))
+    motion = motion_at(log, slice(0, len(TIME)), Smoothing(20.0), clock(log))
     assert motion.rate == pytest.approx(RATE)
     expected = np.pi * np.cos(np.pi * TIME)[:, None] * [1.0, -2.0]
     np.testing.assert_allclose(motion.dq[INSIDE], expected[INSIDE], atol=2e-4)
@@ -186,14 +187,73 @@ def test_a_part_of_a_clock_is_resampled_as_the_whole() -> None:
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.4])
-def test_pieces_of_a_motion_make_the_whole(jitter: float) -> None:
-    time = TIME + jitter * np.random.default_rng(2).uniform(-1, 1, len(TIME)) / RATE
-    log = log_of(time, np.column_stack([np.sin(3 * time), np.cos(2 * time) + time]))
+@pytest.mark.parametrize("smoothing", [Smoothing(20.0), Smoothing(20.0, 5.0)])
+def test_pieces_of_a_motion_make_the_whole(jitter: float, smoothing: Smoothing) -> None:
+    generator = np.random.default_rng(2)
+    time = TIME + jitter * generator.uniform(-1, 1, len(TIME)) / RATE
+    noise = 1e-4 * generator.normal(size=(len(TIME), 2))
+    log = log_of(time, np.column_stack([np.sin(3 * time), np.cos(2 * time) + time]) + noise)
     ticks = clock(log)
-    whole = motion_at(log, slice(0, len(TIME)), 20.0, ticks)
+    whole = motion_at(log, slice(0, len(TIME)), smoothing, ticks)
     np.testing.assert_array_equal(whole.time, ticks[0])
-    pieces = [motion_at(log, slice(start, min(start + 850, len(TIME))), 20.0, ticks) for start in range(0, 4000, 850)]
+    parts = [slice(start, min(start + 850, len(TIME))) for start in range(0, 4000, 850)]
+    pieces = [motion_at(log, part, smoothing, ticks) for part in parts]
     for name in ("time", "q", "dq", "ddq"):
         found = np.concatenate([getattr(piece, name) for piece in pieces])
         expected = getattr(whole, name)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+SHARP, QUIET = 30.0, 4.0
+
+
+def smoothed(position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """q̈ by both cut-offs, by the higher and by the lower one alone."""
+    lone = (differentiated(position, f, RATE)[2] for f in (SHARP, QUIET))
+    return Smoothing(SHARP, QUIET)(position, RATE)[2], *lone
+
+
+def noisy(position: np.ndarray, seed: int = 0) -> np.ndarray:
+    return position + 2e-5 * np.random.default_rng(seed).normal(size=position.shape)
+
+
+def rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(x**2)))
+
+
+def test_where_a_joint_moves_on_smoothly_the_lower_cut_off_rules() -> None:
+    steady = noisy((0.5 * TIME + 0.1 * np.sin(TIME))[:, None])
+    both, sharp, quiet = smoothed(steady)
+    truth = -0.1 * np.sin(TIME)[:, None]
+    np.testing.assert_allclose(both[INSIDE], quiet[INSIDE], rtol=0, atol=1e-12)
+    assert rms((both - truth)[INSIDE]) < rms((sharp - truth)[INSIDE]) / 20
+
+
+def test_a_reversal_that_friction_bends_keeps_the_higher_cut_off() -> None:
+    """The acceleration jumps where the velocity changes sign, as where Coulomb friction turns round."""
+    t = TIME - 4.0
+    bent = noisy(np.where(t < 0, -t * t, -0.5 * t * t)[:, None])
+    both, sharp, quiet = smoothed(bent)
+    at, far = slice(1950, 2050), slice(2400, 3400)
+    np.testing.assert_allclose(both[at], sharp[at], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(both[far], quiet[far], rtol=0, atol=1e-12)
+
+
+def test_a_motion_faster_than_the_lower_cut_off_keeps_the_higher_one() -> None:
+    wave = 0.01 * np.sin(2 * np.pi * 8 * TIME) * np.exp(-((TIME - 4.0) ** 2))
+    both, sharp, _ = smoothed(noisy((TIME + wave)[:, None]))
+    np.testing.assert_allclose(both[1250:2750], sharp[1250:2750], rtol=0, atol=1e-12)
+
+
+def test_without_noise_nothing_is_lost() -> None:
+    both, sharp, quiet = smoothed(np.cumsum(np.sin(TIME))[:, None] / RATE)
+    assert rms(both - sharp) < 0.1 * rms(quiet - sharp)
+
+
+@pytest.mark.parametrize("quiet", [None, 30.0, 50.0])
+def test_a_second_cut_off_that_is_not_lower_is_none(quiet: float | None) -> None:
+    position = noisy(np.sin(TIME)[:, None])
+    for found, expected in zip(
+        Smoothing(SHARP, quiet)(position, RATE), differentiated(position, SHARP, RATE), strict=True
+    ):
+        np.testing.assert_array_equal(found, expected)

@@ -305,6 +305,11 @@ REFUSALS = {
         "no body has the principal moments of inertia 0.02, 0.03, 0.0500001 kg·m²: the largest exceeds the sum",
     ),
     "inertia without mass": (arm("mass = 2.0", "mass = 0"), "impossible value: the inertia is not zero"),
+    "floor": ("floor = nan\n" + ARM, "arm.toml: floor: expected a finite number"),
+    "radius": (
+        ARM.replace("r = 0.4", "r = 0.4\nradius = 0"),
+        "joint 'shoulder': radius: expected more than 0, found 0",
+    ),
     "one letter, two lengths": (
         ARM.replace("r = 0.4", 'r = 0.4\nsymbols = { r = "D2" }'),
         "joint 'elbow': symbols.d: D2 is 0.35 here and 0.4 in 'shoulder'; give each length a letter of its own",
@@ -334,6 +339,17 @@ def test_inertias_on_the_border_of_the_possible_are_read() -> None:
 def test_base_and_tool_by_xyz_and_rpy() -> None:
     robot = read_toml(f"base = {{ xyz = [1, 2, 3], rpy = [{math.pi}, 0, 0] }}\n" + ARM, "arm.toml")
     assert robot.base == ((1, 0, 0, 1), (0, -1, 0, 2), (0, 0, -1, 3), (0, 0, 0, 1))
+
+
+def test_floor_and_radii_are_read_and_written_where_they_are_given() -> None:
+    robot = read_toml("floor = -0.25\n" + ARM.replace("r = 0.4", "r = 0.4\nradius = 0.07"), "arm.toml")
+    assert robot.floor == -0.25
+    assert [joint.radius for joint in robot.joints].count(0.07) == 1
+    assert read_toml(write_toml(robot), "arm.toml") == robot
+    plain = read_toml(ARM, "arm.toml")
+    assert plain.floor is None
+    assert "floor" not in write_toml(plain)
+    assert "radius" not in write_toml(plain)
 
 
 @pytest.mark.parametrize("content", [b"\xff\xfe\x00robot", None])

@@ -202,7 +202,7 @@ def _payload(record: dict[str, Any]) -> dict[str, Any]:
         "result": "no log with a load was given",
         "limit": "a log with a known load",
         "limit_source": "none given",
-        "action": "Keep this result as the unloaded reference.",
+        "action": "Keep this result as the unloaded reference: `identify payload` holds a log with a load against it.",
     }
 
 

@@ -9,22 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.errors import LogError, UnsupportedLogError
+from identify.errors import InputError, UnsupportedLogError
 from identify.logs.log import Log
 from identify.robot.robot import Link, Robot
 
 if TYPE_CHECKING:
     from identify.estimation.identification import Identification
     from identify.experiment.trajectory import Trajectory
-    from identify.logs.triage import Findings
-    from identify.regressor.regressor import Regressor
-    from identify.validation.review import Review
 
 Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]
-
-PHYSICAL = "physical"
-"""Name of the prediction by the robot nearest to the estimate that physics allows, beside those of the models."""
 
 
 def excite(
@@ -112,42 +106,11 @@ def fit(
     the data leave open and nothing else. Estimates are the same with it, the links that physics allows are not.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
-    import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
-    from threadpoolctl import threadpool_limits
+    from identify.fit_workflow import identified, one_blas_thread, triaged
 
-    from identify.estimation.estimators.registry import choice
-    from identify.logs.triage import refusals
-    from identify.regressor.friction import chosen_forms
-    from identify.regressor.regressor import Regressor
-    from identify.validation.possible import check_prior
-
-    choice(model, estimator)
-    forms = chosen_forms(friction)
-    check_prior(robot, prior)
-    train = _for_robot([log] if isinstance(log, Log) else log, robot)
-    test = _for_robot(test, robot)
-    for each in test:
-        if each.effort is None:
-            raise LogError(f"{each.source or 'test log'}: holds no effort to test against; leave it out of --test")
-    if progress:
-        progress(0.0, "triage")
-    # Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work.
-    with threadpool_limits(1, "blas"):
-        regressor = Regressor(robot)
-        triage = looked_over([*train, *test], robot, regressor)
-        for found in triage[: len(train)]:
-            if reasons := refusals(found):
-                raise UnsupportedLogError(*reasons)
-        return _identified(regressor, train, test, model, estimator, forms, prior, command, triage, progress)
-
-
-def looked_over(logs: Sequence[Log], robot: Robot, regressor: Regressor | None = None) -> list[Findings]:
-    """What triage finds in each log, by itself and by the robot's limits and dynamics."""
-    from identify.regressor.regressor import Regressor
-    from identify.validation.log_checks import look_over
-
-    regressor = regressor or Regressor(robot)
-    return [look_over(log, robot, regressor) for log in logs]
+    with one_blas_thread():
+        task = triaged(log, robot, test, model, estimator, friction, prior, progress)
+        return identified(task, command, progress)
 
 
 def fit_to_folder(
@@ -170,23 +133,22 @@ def fit_to_folder(
     from identify import record as records
     from identify.estimation.estimators.registry import choice
     from identify.estimation.identification import RECORD, save_folder
+    from identify.fit_workflow import identified, one_blas_thread, raw_curves, triaged
     from identify.logs.folders import check_replaceable
     from identify.report.page import render
     from identify.validation.verdict import rejected
 
     check_replaceable(folder, RECORD, force)
     curves: dict[str, np.ndarray]
-    try:
-        result = fit(logs, robot, test, model, estimator, command, progress, friction, prior)
-        record, curves = result.record, result.curves
-    except UnsupportedLogError as error:
-        train, held_out = _for_robot(logs, robot), _for_robot(test, robot)
-        triage, of_model = looked_over([*train, *held_out], robot), choice(model, estimator).model
-        record = records.rejected(
-            records.head(robot, of_model, train, held_out, command, triage),
-            rejected(error.reasons),
-        )
-        curves = _raw_curves(train)
+    with one_blas_thread():
+        task = triaged(logs, robot, test, model, estimator, friction, prior, progress)
+        try:
+            result = identified(task, command, progress)
+            record, curves = result.record, result.curves
+        except UnsupportedLogError as error:
+            of_model = choice(model, estimator).model
+            head = records.head(robot, of_model, task.train, task.test, command, task.triage)
+            record, curves = records.rejected(head, rejected(error.reasons)), raw_curves(task.train)
     if progress:
         progress(0.95, "report")
     save_folder(record, curves, robot, folder, force, {"report.html": render(record, curves)})
@@ -265,128 +227,3 @@ def _simulated(
         trajectory = excite(robot, progress=progress)
     trajectory = trajectory.for_robot(robot)
     return (*run(robot, trajectory, noise, seed, progress, load), trajectory)
-
-
-def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
-    """The logs with the robot's joints in its order. LogError where one lacks a joint."""
-    from identify.logs.slicing import select
-
-    return [select(log, robot.joint_names) for log in logs]
-
-
-def _identified(
-    regressor: Regressor,
-    train: list[Log],
-    test: list[Log],
-    model: str | None,
-    estimator: str | None,
-    forms: tuple[str, ...] | None,
-    prior: float | None,
-    command: str,
-    triage: list[Findings],
-    progress: Progress,
-) -> Identification:
-    from identify import record as records
-    from identify.estimation.estimators.registry import ALL
-    from identify.estimation.fitting import agreement, fit_models
-    from identify.estimation.identification import Identification
-    from identify.estimation.prediction import Predictor
-    from identify.estimation.reference import reference
-    from identify.validation import cross_check, held_out
-    from identify.validation.estimators import compared
-    from identify.validation.possible import cost, possible_robot
-    from identify.validation.review import reviewed
-    from identify.validation.statistics import statistics
-    from identify.validation.truth import true_parameters
-    from identify.validation.verdict import refusals_of_fit, verdict
-
-    tell = progress or (lambda share, text: None)
-    robot = regressor.robot
-    both = fit_models(regressor, train, model, estimator, forms, lambda share, text: tell(0.7 * share, text))
-    chosen, model = both.chosen, both.chosen.model
-    regressor, estimate, settings = chosen.regressor, chosen.estimate, chosen.settings
-    tell(0.7, "links that physics allows")
-    nominal = None if any(log.simulated for log in train) else held_out.nominal_parameters(regressor)
-    prior_reason = (
-        "the log is a simulation of the robot file itself"
-        if nominal is None and train[0].simulated
-        else "the robot file gives no inertias"
-    )
-    known = nominal is not None or prior is not None
-    bodies = reference(regressor, estimate.parameters, known)
-    possible, why_none = possible_robot(chosen, bodies, prior)
-    tell(0.75, "residuals and held-out logs")
-    models = {fit.model: fit.predictor for fit in (chosen, both.torque, both.energy) if fit is not None}
-    further = {} if possible is None else {PHYSICAL: Predictor(regressor, possible.parameters, settings)}
-    reviews = [reviewed(log, models | further) for log in train]
-    figures = held_out.figures(reviews, robot)
-    if reasons := refusals_of_fit(model, {name: figures[name] for name in models}):
-        raise UnsupportedLogError(*reasons)
-    described = {} if nominal is None else {held_out.NOMINAL: Predictor(regressor, nominal, settings)}
-    seen = [reviewed(log, {model: models[model]} | described | further) for log in test]
-    tests = [{"path": review.log.source, **held_out.held_out(review, reviews, robot)} for review in seen]
-    physical: dict[str, Any] = {"physical": None, "physical_reason": why_none}
-    if possible is not None:
-        why = "the robot file's links" if known else prior_reason
-        scores = {
-            "fit": _residuals(figures[PHYSICAL]),
-            "test": [{"path": x.log.source, **_residuals(held_out.figures([x], robot)[PHYSICAL])} for x in seen],
-        }
-        speeds = np.max([review.arm_speed for review in reviews], axis=0)
-        paid = cost(chosen, possible, figures[model], figures[PHYSICAL])
-        physical = {"physical": records.physical(chosen, possible, bodies, why, scores, speeds, paid, prior)}
-    tell(0.85, "cross-check against Pinocchio and MuJoCo")
-    checks = cross_check.cross_check_regressor(robot)
-    base = estimate.parameters[: len(regressor.base.names)]
-    checks["identified"] = cross_check.cross_check_identified(
-        robot, base, None if possible is None else possible.standard
-    )
-    truth = true_parameters(regressor, train[0])
-    record = records.head(robot, model, train, test, command, triage) | {
-        "estimator": chosen.estimator,
-        **records.parameters(chosen, truth, nominal, prior_reason),
-        "fit": records.fit_figures(chosen, figures[model]),
-        "settings": records.settings(chosen, both.tried),
-        "statistics": statistics(chosen, both.problem),
-        "test": tests,
-        "coverage": held_out.coverage(robot, reviews),
-        "models": records.models(
-            both,
-            figures,
-            agreement(both.torque.estimate, both.energy.estimate) if both.torque and both.energy else None,
-        ),
-        **physical,
-        "cross_check": checks,
-    }
-    if not tests:
-        record["test_reason"] = "no held-out log was given"
-    if estimator == ALL:
-        record["estimators"] = compared(both.problem, test)
-    record["versions"]["regressor"] = regressor.backend
-    record["verdict"] = verdict(record)
-    curves = _curves("train", reviews) | _curves("test", seen) | held_out.residual_autocorrelation(reviews[0])
-    return Identification(
-        robot, regressor.names, estimate.parameters, estimate.std, estimate.covariance, record, curves
-    )
-
-
-def _residuals(figures: dict[str, Any]) -> dict[str, Any]:
-    from identify.estimation.scoring import RESIDUALS
-
-    return {key: x for key, x in figures.items() if key.removesuffix("_reason") in (*RESIDUALS, "per_joint")}
-
-
-def _curves(prefix: str, reviews: Sequence[Review]) -> dict[str, np.ndarray]:
-    return {f"{prefix}{k}/{name}": x for k, review in enumerate(reviews) for name, x in review.curves.items()}
-
-
-def _raw_curves(logs: Sequence[Log]) -> dict[str, np.ndarray]:
-    """What a refused log looks like: its effort and position as recorded, thinned."""
-    curves: dict[str, np.ndarray] = {}
-    for k, log in enumerate(logs):
-        rows = slice(None, None, max(1, log.samples // 3000))
-        curves[f"train{k}/time"] = log.time[rows]
-        curves[f"train{k}/position"] = log.position[rows].astype(np.float32)
-        if log.effort is not None:
-            curves[f"train{k}/measured"] = log.effort[rows].astype(np.float32)
-    return curves

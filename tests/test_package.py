@@ -30,6 +30,7 @@ ROOMS = (
     "estimation",
     "validation",
     "report",
+    "fit_workflow",
     "workflow",
     "payload_record",
     "payload_workflow",

@@ -99,12 +99,12 @@ def inspect(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         log = read_log(options.log, options.map, None, options.topic)
         found = look_over(log)
     else:
-        from identify import workflow
+        from identify.fit_workflow import looked_over
         from identify.robot.library import load_robot
 
         robot = load_robot(options.robot, options.joints, options.gravity)
         log = read_log(options.log, options.map, robot.joint_names, options.topic)
-        (found,) = workflow.looked_over([log], robot)
+        (found,) = looked_over([log], robot)
     reasons = refusals(found)
     if options.html:
         from identify.logs.files import replacing

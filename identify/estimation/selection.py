@@ -31,6 +31,7 @@ from identify.estimation.settings import CONSTANTS, STILL, Settings
 from identify.logs.log import Log
 from identify.regressor.friction import FURTHER, LOAD, PRESLIDING, further_forms
 from identify.regressor.regressor import Regressor
+from identify.side_by_side import mapped
 
 FOLDS = 5
 BLOCK_S = 0.5
@@ -71,22 +72,26 @@ def choose_settings(
     known: dict[Settings, Validation] = {}
 
     def judged(candidates: Sequence[Settings], share: float, until: float, needed: bool = True) -> list[Validation]:
-        for k, candidate in enumerate(candidates):
-            if progress:
-                progress(share + (until - share) * k / len(candidates), CHOOSING)
-            if candidate in known:
-                continue
+        fresh = [candidate for candidate in dict.fromkeys(candidates) if candidate not in known]
+        for candidate in fresh:
             if candidate.friction not in models:
                 models[candidate.friction] = candidate.suited(regressor)
+
+        def found(candidate: Settings) -> Validation:
             try:
-                known[candidate] = validated(candidate.suited(models[candidate.friction]), logs, candidate)
+                return validated(candidate.suited(models[candidate.friction]), logs, candidate)
             except UnsupportedLogError:
                 if needed:
                     raise
-                known[candidate] = IMPOSSIBLE
-            else:
+                return IMPOSSIBLE
+
+        for k, (candidate, validation) in enumerate(zip(fresh, mapped(found, fresh), strict=True)):
+            known[candidate] = validation
+            if validation is not IMPOSSIBLE:
                 shown = {name: x for name, x in candidate.to_dict().items() if name not in CONSTANTS[LOAD]}
-                tried.append({"settings": shown, **known[candidate].percent})
+                tried.append({"settings": shown, **validation.percent})
+            if progress:
+                progress(share + (until - share) * k / len(fresh), CHOOSING)
         return [known[candidate] for candidate in candidates]
 
     asked = None if friction is None else further_forms(friction)
@@ -163,16 +168,25 @@ def choose_window(
     """Settings of the energy model: window and cut-off whose parameters predict the training logs' effort best."""
     tried: list[dict[str, Any]] = []
     pieces = [signals(log, settings) for log in logs]
-    for cutoff, window in product(ENERGY_CUTOFFS_HZ, WINDOWS_S):
-        candidate = replace(settings, window_s=window, energy_cutoff_hz=cutoff)
+    candidates = [
+        replace(settings, window_s=window, energy_cutoff_hz=cutoff)
+        for cutoff, window in product(ENERGY_CUTOFFS_HZ, WINDOWS_S)
+    ]
+
+    def judged(candidate: Settings) -> Validation | UnsupportedLogError:
         try:
             rows = stacked_energy([energy_observation(regressor, log, candidate) for log in logs])
             parameters = energy_least_squares(rows).parameters
         except UnsupportedLogError as error:
-            reason = error
-            continue
+            return error
         predicted = [regressor.inverse_dynamics(s.q, s.dq, s.ddq, parameters, settings.sign) for s in pieces]
-        tried.append({"settings": candidate.to_dict(), **_residuals(logs, pieces, predicted).percent})
+        return _residuals(logs, pieces, predicted)
+
+    for candidate, found in zip(candidates, mapped(judged, candidates), strict=True):
+        if isinstance(found, UnsupportedLogError):
+            reason = found
+        else:
+            tried.append({"settings": candidate.to_dict(), **found.percent})
     if not tried:
         raise reason
     return Settings.from_dict(min(tried, key=lambda t: t["moving_percent"])["settings"]), tried

@@ -142,7 +142,8 @@ def _friction_lost(settings: Settings) -> tuple[str, ...]:
     """What of the friction that was fitted no robot file has a place for."""
     lost = []
     if settings.friction:
-        forms = " and ".join(form.replace("_", " ") for form in settings.friction)
+        *first, last = (form.replace("_", " ") for form in settings.friction)
+        forms = f"{', '.join(first)} and {last}" if first else last
         lost.append(
             f"{forms} friction: viscous and Coulomb friction are those nearest to all of it together, in both "
             "directions and up to the speeds of the training logs"

@@ -173,6 +173,7 @@ def test_estimators(estimator: str) -> None:
         assert refused == {"idim-iv", "didim", "ml"}
         assert all("controller" in rows[name]["reason"] for name in ("idim-iv", "didim"))
         assert "repeat itself" in rows["ml"]["reason"]
+        assert {name for name, row in rows.items() if row.get("why")} == {"wls", "energy"}
         for row in (rows[name] for name in set(rows) - refused):
             assert row["condition_number"] > 1
             assert row["test"]["moving_relative_residual_percent"] < 5 * default

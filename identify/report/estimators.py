@@ -47,6 +47,8 @@ def table_of(record: Record) -> str:
         name = esc(row.get("estimator", ""))
         if row.get("default") and row.get("model") == part(record, "model"):
             name = f"<b>{name}</b>, default"
+            if row.get("why"):
+                notes.plain.append(str(row["why"]).rstrip("."))
         cells = [name, esc(row.get("title") or ""), esc(row.get("model") or "")]
         for texts, (role, key, _) in zip(figures, _FIGURES, strict=True):
             known = finite(part(row, role, key)) is not None

@@ -7,7 +7,7 @@ from typing import Any
 
 from identify.errors import UnsupportedLogError
 from identify.estimation.estimators.problem import Problem
-from identify.estimation.estimators.registry import DEFAULTS, ESTIMATORS
+from identify.estimation.estimators.registry import DEFAULTS, ESTIMATORS, WHY
 from identify.estimation.fitting import ModelFit, fitted
 from identify.estimation.scoring import RESIDUALS
 from identify.logs.log import Log
@@ -19,7 +19,7 @@ FIGURES = ("condition_number", "train", "test")
 def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
     """A row an estimator: its residuals [% of the torque] on training and held-out logs, and its condition number.
 
-    Where the logs do not support it, its figures are null and "reason" says what it lacks.
+    Where the logs do not support it, its figures are null and "reason" says what it lacks. "why" is that of a default.
     """
     rows = {name: _row(name) for name in ESTIMATORS}
     fits: dict[str, ModelFit] = {}
@@ -46,5 +46,6 @@ def _row(name: str) -> dict[str, Any]:
         "title": by.title,
         "model": by.model,
         "default": DEFAULTS[by.model] == name,
+        **({"why": WHY[by.model]} if DEFAULTS[by.model] == name else {}),
         **dict.fromkeys(FIGURES),
     }

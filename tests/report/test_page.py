@@ -356,7 +356,8 @@ def test_estimators_stand_side_by_side_and_a_dropped_constant_says_why() -> None
         {"estimator": "ols", "title": "ordinary least squares", "model": "torque", "default": False}
         | {"condition_number": 31.0, "train": residuals, "test": residuals},
         {"estimator": "wls", "title": "weighted least squares", "model": "torque", "default": True}
-        | {"condition_number": 28.0, "train": residuals, "test": None, "test_reason": "no held-out log was given"},
+        | {"condition_number": 28.0, "train": residuals, "test": None, "test_reason": "no held-out log was given"}
+        | {"why": "No other is more accurate."},
         {"estimator": "didim", "title": "a closed loop", "model": "torque", "default": False, "reason": why},
     ]
     record["friction"][0].update(offset=None, offset_reason="off1 can't be told from MX1, which holds it")
@@ -367,7 +368,12 @@ def test_estimators_stand_side_by_side_and_a_dropped_constant_says_why() -> None
     rows = [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
     assert rows[0] == ["ols", "ordinary least squares", "torque", "1.12", "1.12", "2.25", "31"]
     assert rows[1][:4] == ["<b>wls</b>, default", "weighted least squares", "torque", "1.12"]
-    for text in ("No held-out log was given.", f"{why.capitalize()}.", "3 estimators side by side"):
+    for text in (
+        "No held-out log was given.",
+        f"{why.capitalize()}.",
+        "3 estimators side by side",
+        "No other is more accurate",
+    ):
         assert text in page.text
     assert "off1 can't be told from MX1, which holds it." in page.text
     assert html.count("off<sub>1</sub>") >= 1

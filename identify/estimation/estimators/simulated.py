@@ -13,10 +13,13 @@ from identify.estimation.identified_robot import plain_friction, with_standard
 from identify.estimation.least_squares import Estimate
 from identify.estimation.physical import information_of, nearest_consistent
 from identify.estimation.reference import reference
+from identify.estimation.settings import Settings
 from identify.experiment.control import Control, control_of
 from identify.logs.log import Log
 from identify.logs.slicing import select
 from identify.regressor.columns import column_kind
+from identify.regressor.regressor import Regressor
+from identify.robot.robot import Robot
 
 LONGEST_S = 600.0
 """Logs that are longer together [s] are not simulated, with which a fit would take minutes."""
@@ -32,37 +35,43 @@ def controls_of(problem: Problem) -> list[Control]:
 
 
 def simulated(problem: Problem, controls: Sequence[Control], last: Estimate) -> tuple[list[Log], np.ndarray]:
-    """The logs as the arm of the last estimate would have written them, exact, and the parameters (p,) of that arm.
-
-    An arm that physics does not allow can't be simulated: the one nearest to the estimate is, with neutral bodies for
-    what the data leave open, so that nothing of the robot's description but geometry and stops comes in. It has
-    viscous and Coulomb friction alone, those nearest to further forms, and no coupled motors.
-    """
-    regressor, settings = problem.regressor, problem.settings
-    robot = regressor.robot
+    """The logs as the arm of the last estimate would have written them, exact, and the parameters (p,) of that arm."""
+    regressor = problem.regressor
     try:
-        possible = nearest_consistent(
-            regressor,
-            last.parameters,
-            information_of(last.covariance),
-            reference(regressor, last.parameters, description=False),
-            coulomb_velocity=settings.coulomb_velocity,
-        )
-        friction = plain_friction(regressor, possible.extra, settings, _fastest(problem, controls))
-        own = {name: value for name, value in friction.items() if column_kind(name) in ("Fv", "Fs", "off")}
-        arm = with_standard(robot, possible.standard, own)
+        arm, parameters = possible_arm(regressor, problem.settings, last, controls)
         logs = []
         for log, control in zip(problem.logs, controls, strict=True):
             position, effort = control.simulated(arm, log.time)
-            logs.append(replace(select(log, robot.joint_names), position=position, velocity=None, effort=effort))
+            logs.append(replace(select(log, arm.joint_names), position=position, velocity=None, effort=effort))
     except InputError as error:
         raise UnsupportedLogError(f"the arm of an estimate on the way can't be simulated: {error}") from error
-    return logs, regressor.theta(possible.standard, own)
+    return logs, parameters
 
 
-def _fastest(problem: Problem, controls: Sequence[Control]) -> np.ndarray:
+def possible_arm(
+    regressor: Regressor, settings: Settings, estimate: Estimate, controls: Sequence[Control]
+) -> tuple[Robot, np.ndarray]:
+    """An arm to simulate for an estimate, and its own parameters (p,).
+
+    What physics does not allow can't be simulated: the arm is the one nearest to the estimate that it does, with
+    neutral bodies for what the data leave open, so that nothing of the robot's description but geometry and stops comes
+    in. It has viscous and Coulomb friction alone, those nearest to further forms up to the speeds that are asked for,
+    and no coupled motors. InputError where there is none.
+    """
+    possible = nearest_consistent(
+        regressor,
+        estimate.parameters,
+        information_of(estimate.covariance),
+        reference(regressor, estimate.parameters, description=False),
+        coulomb_velocity=settings.coulomb_velocity,
+    )
+    friction = plain_friction(regressor, possible.extra, settings, _fastest(regressor, controls))
+    own = {name: value for name, value in friction.items() if column_kind(name) in ("Fv", "Fs", "off")}
+    return with_standard(regressor.robot, possible.standard, own), regressor.theta(possible.standard, own)
+
+
+def _fastest(regressor: Regressor, controls: Sequence[Control]) -> np.ndarray:
     """(arms,) the fastest that joints and coupled motors are asked to go."""
-    columns = problem.regressor.extra
     asked = [c.trajectory.sample(np.arange(0.0, c.trajectory.duration, 0.01))[1] for c in controls]
     dq = np.concatenate(asked)
-    return np.abs(columns.speeds(dq) if columns else dq).max(axis=0)
+    return np.abs(regressor.extra.speeds(dq) if regressor.extra else dq).max(axis=0)

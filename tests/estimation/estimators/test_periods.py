@@ -75,7 +75,7 @@ def test_what_does_not_repeat_itself_is_refused() -> None:
 
 
 def test_a_vibration_is_told_from_the_motion() -> None:
-    """A tone in the effort, out of step with the motion: rows at its frequency count for less, those of the rest not."""
+    """A tone in the effort, out of step with the motion: rows near its frequency count for less."""
     errors: dict[str, list[np.ndarray]] = {"wls": [], "ml": []}
     z = []
     for seed in range(4):

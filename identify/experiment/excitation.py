@@ -66,7 +66,8 @@ def designed_excitation(
 
     criterion: the model that the parameters will be estimated with: torque, energy, or both. Minimised is
     `information.log_variance`: the mean log variance of the parameters plus the log variance of the torque that
-    they predict on random motions, together with what is known from earlier experiments. Position, velocity and
+    they predict on random motions; with knowledge of earlier experiments, of all together, plus the log of the mean
+    variance of the parameters in shares of their sizes, which the worst ones make. Position, velocity and
     acceleration hold their limits (`working_limits`), effort does for the parameters that the robot's description
     gives; every period starts and ends at rest. collision: a serial arm's links are kept off each other and off the
     floor (`Clearance`). harmonics: by default 5, and for the energy model `energy_harmonics`. The best of `starts`
@@ -138,6 +139,7 @@ def _search(design: Design, starts: int, seed: int, tell: Progress) -> np.ndarra
     generator = np.random.Generator(np.random.PCG64(seed))
     found = []
     for start in range(1, starts + 1):
+        tell(0.8 * (start - 1) / starts, f"start {start} of {starts}")
         x, multipliers = _descend(design, design.start(generator), 0.0, ROUNDS)
         value = design.lagrangian(x, ROUNDS[-1], multipliers)[0]
         tell(0.8 * start / starts, f"start {start} of {starts}: {design.condition(x)}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -23,9 +24,9 @@ _here = local()
 
 def workers() -> int:
     """How many threads are worth having: one in a process that is itself one of many, and for parts of parts."""
-    import multiprocessing
-
-    if getattr(_here, "at_work", False) or multiprocessing.parent_process():
+    # It is loaded in every process that it has started.
+    processes = sys.modules.get("multiprocessing")
+    if getattr(_here, "at_work", False) or (processes and processes.parent_process()):
         return 1
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(cores, MOST)
@@ -53,6 +54,35 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
     finally:
         for future in waiting:
             future.cancel()
+
+
+def ahead(items: Iterable[T], size: Callable[[T], int], most: int) -> Iterator[T]:
+    """The items in their order, made while those before them are used, as many ahead as have `most` in size."""
+    count = workers()
+    if count == 1:
+        yield from items
+        return
+    source, pool = iter(items), _threads(count)
+
+    def several() -> list[T]:
+        found, total = [], 0
+        for item in source:
+            found.append(item)
+            total += size(item)
+            if total >= most:
+                break
+        return found
+
+    coming = pool.submit(several)
+    while found := coming.result():
+        coming = pool.submit(several)
+        yield from found
+
+
+def meanwhile(function: Callable[[], R]) -> Callable[[], R]:
+    """The function, called while the caller goes on with something else; what is returned waits for its result."""
+    count = workers()
+    return function if count == 1 else _threads(count).submit(function).result
 
 
 def give_back() -> None:

@@ -17,6 +17,7 @@ from identify.logs.log import Log
 from identify.logs.slicing import select, window
 from identify.logs.table_map import TableMap
 from identify.logs.wording import listed
+from identify.side_by_side import meanwhile
 
 __all__ = ["clean", "read_log", "select", "window"]
 
@@ -87,9 +88,10 @@ def _read(
         if map is not None:
             raise LogError(f"{path}: is an MCAP file, and a map is for tables; leave the map out")
         files, findings = bag_files(path) if bag else ([path], [])
+        names = tuple(file.name for file in files)
+        sha256 = meanwhile(lambda: digest_of_several(path, names) if bag else digest(path))
         log = read_files(files, path, topic, joints, skip).log
-        sha256 = digest_of_several(path, tuple(file.name for file in files)) if bag else digest(path)
-        return replace(log, sha256=sha256, findings=(*findings, *log.findings))
+        return replace(log, sha256=sha256(), findings=(*findings, *log.findings))
     if not path.is_file() and not path.is_dir():
         raise LogError(f"{path}: is neither a file nor a folder; logs may be MCAP, CSV, TSV or NPZ")
     if map is None and path.suffix.lower() not in _TABLES and not zipfile.is_zipfile(path):

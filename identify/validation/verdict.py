@@ -119,7 +119,7 @@ def _prediction(record: dict[str, Any], reasons: list[str], actions: list[str]) 
             "action": "Pass a log of another motion with --test.",
         }
     worst = max(shares)
-    totals = [t["moving_relative_residual_percent"] for t in record["test"]]
+    totals = [t["moving_relative_residual_percent"] for t in record["test"] if _is_new(t)]
     total = max(x for x in totals if x is not None) if any(x is not None for x in totals) else None
     met = worst < MEAN_LIMIT
     return use | {

@@ -140,10 +140,15 @@ class FrictionRows:
     def load(self) -> dict[str, Any]:
         """Constants of load-dependent friction: the load is the effort of the fit's rigid bodies."""
         base = self.parameters[: len(self.regressor.base.names)]
-        rigid = Regressor(self.regressor.robot, False)
-        total = sum(np.abs(rigid.inverse_dynamics(s.q, s.dq, s.ddq, base)).sum(axis=0) for s in self.pieces)
+        total = sum(self._load(s, base).sum(axis=0) for s in self.pieces)
         mean = np.maximum(total / sum(len(s.time) for s in self.pieces), 1e-9)
         return {"load_parameters": tuple(base.tolist()), "mean_load": tuple(mean.tolist())}
+
+    def _load(self, s: Signals, base: np.ndarray) -> np.ndarray:
+        """(N, n) magnitude of the effort of rigid bodies with base parameters (b,)."""
+        theta = np.zeros(self.regressor.p)
+        theta[: len(base)] = base
+        return np.abs(self.regressor.inverse_dynamics(s.q, s.dq, s.ddq, theta))
 
     def _tried(self, settings: Settings) -> Grown:
         """What is left with the form that these settings have more."""
@@ -160,13 +165,17 @@ class FrictionRows:
         assert extra is not None
         n = self.regressor.robot.n
         ratios = np.vstack([np.eye(n), *([extra.motors] if len(extra.motors) else [])])
-        arms = n if form == LOAD else len(ratios)
+        ratios = ratios[: n if form == LOAD else len(ratios)]
+        arms, joints = np.nonzero(ratios)
         parts = []
         for s in self.pieces:
             thin = Thinning.of(s, settings)
-            signal = self._signal(form, settings, s)[:, :arms].T
-            parts.append([_spread(thin, signal, ratios[:arms, j], thin.mask[j]) for j in range(n)])
-        return [np.concatenate(rows) for rows in zip(*parts, strict=True)]
+            signal = self._signal(form, settings, s).T
+            kept = thin(signal[arms] * ratios[arms, joints][:, None] * thin.mask[joints])
+            found = np.zeros((n, len(thin.rows), len(ratios)))
+            found[joints, :, arms] = kept
+            parts.append(found)
+        return list(np.concatenate(parts, axis=1))
 
     def _signal(self, form: str, settings: Settings, s: Signals) -> np.ndarray:
         """(N, arms) what the form's columns read."""
@@ -179,8 +188,7 @@ class FrictionRows:
         laws = sliding_laws(settings.sign, *([velocity] if velocity else []))
         signal = laws[form](extra.speeds(s.dq))
         if form == LOAD:
-            load = settings.suited(self.regressor).load(s.q, s.dq, s.ddq)
-            assert load is not None
+            load = self._load(s, np.array(settings.load_parameters)) / np.array(settings.mean_load)
             signal = signal[:, : self.regressor.robot.n] * load
         return signal
 
@@ -191,14 +199,6 @@ class FrictionRows:
         """A weighted residual (n·rows, 1) in percent of the effort, without the weights."""
         rows = weighted.reshape(len(self.weights), -1) / self.weights[:, None]
         return 100 * float(np.linalg.norm(rows)) / max(self.effort, 1e-300)
-
-
-def _spread(thin: Thinning, signal: np.ndarray, ratios: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(rows, arms) a joint's columns of signals (arms, N), those of motors that do not move it zero."""
-    at = np.flatnonzero(ratios)
-    found = np.zeros((len(thin.rows), len(ratios)))
-    found[:, at] = thin(np.ascontiguousarray(signal[at] * ratios[at, None] * mask)).T
-    return found
 
 
 def _with_form(settings: Settings, form: str, constants: dict[str, Any] | None = None) -> Settings:

@@ -197,7 +197,7 @@ def test_assessment_agrees_with_plain_numpy(rx90: Robot, designed: Trajectory) -
 
 def test_the_same_arguments_give_the_same_bits_and_another_seed_another_motion() -> None:
     robot = replace(STANFORD, joints=STANFORD.joints[:3], floor=0.0)
-    first, again, other = (excite(robot, "torque", 4.0, seed, starts=2, harmonics=3) for seed in (3, 3, 4))
+    first, again, other = (excite(robot, "torque", 4.0, seed, starts=1, harmonics=3) for seed in (3, 3, 4))
     assert first.to_toml() == again.to_toml()
     assert not np.array_equal(first.a, other.a)
 

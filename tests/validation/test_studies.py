@@ -31,6 +31,7 @@ def test_quick_study_of_a_simulated_arm_meets_its_bars(tmp_path: Path) -> None:
     assert float(none[3]) == float(none[4]) <= 0.05
     assert standard[1] == "standard"
     assert float(standard[3]) < float(standard[4]) <= 0.1
+    assert float(standard[3]) <= 0.04
     largest = re.match(r"\d\.\d+", seeds[2])
     assert seeds[1] == "3"
     assert largest is not None

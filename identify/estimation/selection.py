@@ -2,10 +2,11 @@
 
 Three choices are made, one after the other. How to treat velocities near zero: leave out rows at rest and take
 the exact sign, or count every row and smooth the sign. Then the forms of friction (see `friction_choice`): one form is
-added after the other as long as it lowers the residual beyond doubt. Then the cut-off of the position. Each candidate
-is fitted on four fifths of the training logs and predicts the effort of the rest, five times over. The treatment of
-rest is judged on all samples, the cut-off on those where the joint moves, both by the rule of `scoring`; friction on
-all samples where rest is counted, else on those where the joint moves. Test logs are never looked at.
+added after the other as long as it lowers the residual beyond doubt. Then the cut-offs of the position (see
+`cutoff_choice`). Each candidate is fitted on four fifths of the training logs and predicts the effort of the rest, five
+times over. The treatment of rest is judged on all samples, cut-offs on those where the joint moves, both by the rule of
+`scoring`; friction on all samples where rest is counted, else on those where the joint moves. Test logs are never
+looked at.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ def controls_of(problem: Problem) -> list[Control]:
     joints = problem.regressor.robot.joint_names
     controls = [control_of(log, joints) for log in problem.logs]
     if sum(log.duration for log in problem.logs) > LONGEST_S:
-        raise UnsupportedLogError(f"logs of more than {LONGEST_S:g} s are not simulated: fit a part, with --stop")
+        raise UnsupportedLogError(f"logs of more than {LONGEST_S:g} s together are not simulated: give a shorter one")
     return controls
 
 

@@ -21,6 +21,7 @@ from identify.logs.log import Log
 from identify.logs.slicing import window
 from identify.regressor.columns import TAKING, column_kind
 from identify.regressor.regressor import Regressor
+from identify.side_by_side import give_back
 
 CHANCE = 1e-3
 """Probability under pure noise above which a fit is taken to explain nothing."""
@@ -88,6 +89,7 @@ def fit_models(
     wanted = choice(model, estimator)
     sample = [liveliest(log, SETTINGS_S) for log in logs]
     problem, tried = posed(regressor, logs, sample, friction, progress)
+    give_back()
     found: dict[str, ModelFit] = {}
     reasons: dict[str, str] = {}
     for name in MODELS:

@@ -19,7 +19,7 @@ STAMP_S = 1e-9
 REACH = 2.0
 """How far a record is continued at its ends before a filter, in periods of the filter's cut-off."""
 
-PIECE_S = 15.0
+PIECE_S = 20.0
 """Length of the pieces in which a long log is worked on, so that memory does not grow with it."""
 
 FORGOTTEN = 1e-11

@@ -22,6 +22,8 @@ from identify.side_by_side import meanwhile
 __all__ = ["clean", "read_log", "select", "window"]
 
 _TABLES = (".csv", ".tsv", ".txt", ".npz")
+_OTHERS = (".parquet", ".feather", ".mat", ".h5", ".hdf5", ".xlsx")
+"""Tables that other programs read, and write as CSV."""
 
 
 def read_log(
@@ -94,6 +96,8 @@ def _read(
         return replace(log, sha256=sha256(), findings=(*findings, *log.findings))
     if not path.is_file() and not path.is_dir():
         raise LogError(f"{path}: is neither a file nor a folder; logs may be MCAP, CSV, TSV or NPZ")
+    if path.suffix.lower() in _OTHERS:
+        raise LogError(f"{path}: tables of this kind are not read; convert it to CSV or NPZ")
     if map is None and path.suffix.lower() not in _TABLES and not zipfile.is_zipfile(path):
         raise LogError(f"{path}: is not an MCAP file, nor a table by its suffix; logs may be MCAP, CSV, TSV or NPZ")
     if topic is not None:

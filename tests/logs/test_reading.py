@@ -37,6 +37,10 @@ def test_every_kind_of_bad_file_has_its_message(tmp_path) -> None:
         assert "is empty" in refusal(tmp_path / name)
     (tmp_path / "b.mcap").write_bytes(b"t,q1,tau1\n1,2,3\n")
     assert "is not an MCAP file" in refusal(tmp_path / "b.mcap")
+    for name in ("b.parquet", "b.XLSX"):
+        (tmp_path / name).write_bytes(b"PAR1")
+        assert "convert it to CSV or NPZ" in refusal(tmp_path / name)
+        assert "convert it to CSV or NPZ" in refusal(tmp_path / name, map=tmp_path / "map.toml")
     (tmp_path / "c.bag").write_bytes(b"#ROSBAG V2.0\n" + bytes(range(256)))
     assert "logs may be MCAP, CSV, TSV or NPZ" in refusal(tmp_path / "c.bag")
     (tmp_path / "d.csv").write_bytes(bytes(range(256)) * 20)

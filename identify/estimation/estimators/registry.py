@@ -63,7 +63,7 @@ DEFAULTS = {"torque": "wls", "energy": "energy"}
 
 WHY = {
     "torque": "Weighted least squares is the default: on the benchmark of simulated logs (scripts/bench_estimators) no "
-    "other is more accurate beyond chance, and it is the simplest.",
+    "other is more accurate both beyond chance and by 1 % of the error, and of those as good it is the simplest.",
     "energy": "Weighted least squares over windows of work is the default of the energy model: on the benchmark of "
     "simulated logs (scripts/bench_estimators) filtered power is no more accurate.",
 }

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -59,8 +58,8 @@ def triaged(
     choice(model, estimator)
     forms = chosen_forms(friction)
     check_prior(robot, prior)
-    train = _for_robot([log] if isinstance(log, Log) else log, robot)
-    test = _for_robot(test, robot)
+    train = for_robot([log] if isinstance(log, Log) else log, robot)
+    test = for_robot(test, robot)
     for each in test:
         if each.effort is None:
             raise LogError(f"{each.source or 'test log'}: holds no effort to test against; leave it out of --test")
@@ -70,16 +69,6 @@ def triaged(
     triage = looked_over([*train, *test], robot, regressor)
     give_back()
     return Task(regressor, train, test, model, estimator, forms, prior, triage)
-
-
-@contextmanager
-def one_blas_thread() -> Iterator[None]:
-    """Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work."""
-    import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, "blas"):
-        yield
 
 
 def identified(task: Task, command: str, progress: Progress) -> Identification:
@@ -207,7 +196,7 @@ def looked_over(logs: Sequence[Log], robot: Robot, regressor: Regressor | None =
     return [look_over(log, robot, regressor) for log in logs]
 
 
-def _for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
+def for_robot(logs: Sequence[Log], robot: Robot) -> list[Log]:
     """The logs with the robot's joints in its order. LogError where one lacks a joint."""
     from identify.logs.slicing import select
 

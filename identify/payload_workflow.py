@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identify.errors import InputError, LogError, UnsupportedLogError
+from identify.fit_workflow import Progress, for_robot, looked_over
 from identify.logs.log import Log
+from identify.side_by_side import one_blas_thread
 
 if TYPE_CHECKING:
     from identify.estimation.drive_gains import DriveGains
@@ -19,8 +21,8 @@ if TYPE_CHECKING:
     from identify.estimation.payload_result import Payload
     from identify.estimation.settings import Settings
     from identify.logs.triage import Findings
+    from identify.regressor.regressor import Regressor
 
-Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]
 
 
@@ -41,9 +43,6 @@ def payload(
     that were fitted, given as `unloaded`. friction: whether it may have changed with the load. InputError for what
     can't be used; UnsupportedLogError, with its reasons, where the logs can't tell the load.
     """
-    import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
-    from threadpoolctl import threadpool_limits
-
     from identify.estimation.identification import Identification
     from identify.payload_record import fit_digest
 
@@ -51,7 +50,7 @@ def payload(
     digest = fit_digest(Path(folder)) if folder else ""
     fitted = result if isinstance(result, Identification) else Identification.load(result)
     logs = [log] if isinstance(log, Log) else list(log)
-    with threadpool_limits(1, "blas"):
+    with one_blas_thread():
         return _payload(fitted, (folder, digest), logs, test, mass, unloaded, friction, command, progress)
 
 
@@ -83,8 +82,8 @@ def payload_to_folder(
         record, curves = found.record, found.curves
     except UnsupportedLogError as error:
         fitted = Identification.load(folder)
-        every = _of_robot([*logs, *test], fitted)
-        triage = _looked_over(every, fitted)
+        every = for_robot([*logs, *test], fitted.robot)
+        triage = looked_over(every, fitted.robot, fitted.regressor.with_forms(()))
         known, others = every[: len(logs)], every[len(logs) :]
         digest = fit_digest(Path(folder))
         head = payload_head(fitted, str(Path(folder)), digest, known, others, triage, command)
@@ -119,10 +118,10 @@ def _payload(
 
     tell = progress or (lambda share, text: None)
     robot, regressor, settings = fitted.robot, fitted.regressor, fitted.settings
-    loaded, tests, without = (_of_robot(each, fitted) for each in (logs, test, unloaded))
+    loaded, tests, without = (for_robot(each, robot) for each in (logs, test, unloaded))
     _check(fitted, loaded, tests, without, mass)
     tell(0.0, "triage")
-    triage = _looked_over([*loaded, *tests], fitted)
+    triage = looked_over([*loaded, *tests], robot, regressor.with_forms(()))
     for found in triage[: len(loaded)]:
         if reasons := refusals(found):
             raise UnsupportedLogError(*reasons)
@@ -176,20 +175,6 @@ def _payload(
     told = np.array([np.nan if row["estimate"] is None else row["estimate"] for row in rows])
     covariance = np.where(np.isnan(told)[:, None] | np.isnan(told), np.nan, estimate.covariance)
     return Payload(told, covariance, None if gains is None else gains.gains, record, curves)
-
-
-def _of_robot(logs: Sequence[Log], fitted: Identification) -> list[Log]:
-    """The logs with the robot's joints in its order. LogError where one lacks a joint."""
-    from identify.logs.slicing import select
-
-    return [select(log, fitted.robot.joint_names) for log in logs]
-
-
-def _looked_over(logs: Sequence[Log], fitted: Identification) -> list[Findings]:
-    from identify.validation.log_checks import look_over
-
-    regressor = fitted.regressor.with_forms(())
-    return [look_over(log, fitted.robot, regressor) for log in logs]
 
 
 def _check(fitted: Identification, loaded: list[Log], tests: list[Log], without: list[Log], mass: float | None) -> None:
@@ -264,7 +249,7 @@ def _refuse_vague(
         raise UnsupportedLogError(*reasons)
 
 
-def _why_untold(regressor: Any, still: list[str]) -> str:
+def _why_untold(regressor: Regressor, still: list[str]) -> str:
     from identify.estimation.payload import load_matrix
 
     if still:

@@ -6,6 +6,7 @@ import os
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from threading import local
 from typing import TYPE_CHECKING, TypeVar
@@ -83,6 +84,17 @@ def meanwhile(function: Callable[[], R]) -> Callable[[], R]:
     """The function, called while the caller goes on with something else; what is returned waits for its result."""
     count = workers()
     return function if count == 1 else _threads(count).submit(function).result
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Threads cost more than they bring on matrices of this size: each hand-over takes longer than the work. They would
+    also make the order of sums a matter of chance."""
+    import scipy.linalg  # noqa: F401  loaded before the limit, which reaches only libraries that are there
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        yield
 
 
 def give_back() -> None:

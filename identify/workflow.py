@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from identify.errors import InputError, UnsupportedLogError
+from identify.fit_workflow import Progress, identified, raw_curves, triaged
 from identify.logs.log import Log
 from identify.robot.robot import Link, Robot
+from identify.side_by_side import one_blas_thread
 
 if TYPE_CHECKING:
     from identify.estimation.identification import Identification
     from identify.experiment.trajectory import Trajectory
 
-Progress = Callable[[float, str], None] | None
 Folder = str | os.PathLike[str]
 
 
@@ -106,8 +107,6 @@ def fit(
     the data leave open and nothing else. Estimates are the same with it, the links that physics allows are not.
     UnsupportedLogError, with its reasons, where the logs can't support a result.
     """
-    from identify.fit_workflow import identified, one_blas_thread, triaged
-
     with one_blas_thread():
         task = triaged(log, robot, test, model, estimator, friction, prior, progress)
         return identified(task, command, progress)
@@ -133,7 +132,6 @@ def fit_to_folder(
     from identify import record as records
     from identify.estimation.estimators.registry import choice
     from identify.estimation.identification import RECORD, save_folder
-    from identify.fit_workflow import identified, one_blas_thread, raw_curves, triaged
     from identify.logs.folders import check_replaceable
     from identify.report.page import render
     from identify.validation.verdict import rejected

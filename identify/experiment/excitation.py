@@ -22,6 +22,7 @@ from identify.experiment.knowledge import Knowledge, assumed
 from identify.experiment.margins import Margins
 from identify.experiment.trajectory import Trajectory
 from identify.robot.robot import Robot
+from identify.side_by_side import one_blas_thread
 
 ROUNDS, LAST_ROUNDS = (20.0, 200.0), (2000.0, 20000.0)
 """Weights of the limits in the rounds of the augmented Lagrangian: of every start, and of the best one's end."""
@@ -75,9 +76,6 @@ def designed_excitation(
 
     InputError for arguments out of range, and where no motion within the limits was found.
     """
-    import scipy.optimize  # noqa: F401  before the limit on threads, which reaches only what is loaded by then
-    from threadpoolctl import threadpool_limits
-
     if criterion not in CRITERIA:
         raise InputError(f"criterion is {criterion!r}; choose one of {', '.join(CRITERIA)}")
     if not (np.isfinite(duration) and duration > 0):
@@ -94,8 +92,7 @@ def designed_excitation(
             raise InputError(f"{name} is {value}; it must be a whole number of at least {least}")
     tell = progress or (lambda fraction, text: None)
     known = known or assumed(robot)
-    # Threads cost more than they bring on matrices of this size, and would make the sums' order a matter of chance.
-    with threadpool_limits(1, "blas"):
+    with one_blas_thread():
         tell(0.0, "regressor")
         design = Design(robot, criterion, duration, harmonics, periods=periods, collision=collision, known=known)
         best = _search(design, starts, seed, tell)

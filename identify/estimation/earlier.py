@@ -11,12 +11,11 @@ import numpy as np
 from identify.errors import InputError
 from identify.estimation.identification import Identification
 from identify.estimation.identified_robot import identified_robot
+from identify.estimation.physical import information_of
 from identify.experiment.excitation import Excitation, designed_excitation
 from identify.experiment.knowledge import Knowledge, standard_deviations
 from identify.regressor.regressor import Regressor
-from identify.robot.robot import Robot
-
-GEOMETRY = ("alpha", "d", "theta", "r", "gamma", "b")
+from identify.robot.robot import GEOMETRY, Robot
 
 RESIDUAL_BAND_HZ = 10.0
 """Band of the residuals whose size a record gives: white noise in it has this density where nothing tells it better."""
@@ -53,9 +52,7 @@ def earlier(robot: Robot, results: Sequence[Identification]) -> tuple[Robot, Kno
 def information(regressor: Regressor, result: Identification) -> np.ndarray:
     """(p, p) inverse of the covariance of the regressor's parameters, those that only the result has left open."""
     at = [result.names.index(name) for name in regressor.names]
-    covariance = result.covariance[np.ix_(at, at)]
-    size = np.sqrt(np.diag(covariance))
-    return np.linalg.inv(covariance / np.outer(size, size)) / np.outer(size, size)
+    return information_of(result.covariance[np.ix_(at, at)])
 
 
 def density(regressor: Regressor, result: Identification) -> np.ndarray:

@@ -24,6 +24,10 @@ LINK_UNITS = ("kg·m²",) * 6 + ("kg·m",) * 3 + ("kg",)
 """The ten standard inertial parameters of a link [2.91], about O_j in the axes of R_j."""
 
 
+GEOMETRY = ("gamma", "b", "alpha", "d", "theta", "r")
+"""What places a joint in the frame of its parent: modified Denavit-Hartenberg parameters, with γ and b of a tree."""
+
+
 @dataclass(frozen=True)
 class Link:
     """Inertia of one link, as catalogues and CAD programs give it.

@@ -14,7 +14,18 @@ from identify.robot import checks
 from identify.robot.files import read_text
 from identify.robot.fixed import Entry, merge_fixed
 from identify.robot.length_names import length_name_problem
-from identify.robot.robot import PRISMATIC, REVOLUTE, Drive, Joint, Limits, Link, Matrix, Robot, Transmission
+from identify.robot.robot import (
+    GEOMETRY,
+    PRISMATIC,
+    REVOLUTE,
+    Drive,
+    Joint,
+    Limits,
+    Link,
+    Matrix,
+    Robot,
+    Transmission,
+)
 from identify.robot.toml_writing import write_toml
 from identify.robot.transforms import from_roll_pitch_yaw, to_matrix
 
@@ -26,7 +37,6 @@ DEEPEST_KEY = 100
 
 FIXED = "fixed"
 TYPES = (REVOLUTE, PRISMATIC, FIXED)
-GEOMETRY = ("gamma", "b", "alpha", "d", "theta", "r")
 LENGTHS = ("b", "d", "r")
 BASE = "base"
 ROBOT_KEYS = ("name", "note", "gravity", "base", "tool", "floor", "joint", "transmission")

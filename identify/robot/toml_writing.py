@@ -9,10 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from identify.robot.robot import IDENTITY, Joint, Limits, Matrix, Robot
+from identify.robot.robot import GEOMETRY, IDENTITY, Joint, Limits, Matrix, Robot
 from identify.robot.transforms import from_roll_pitch_yaw, to_matrix, to_roll_pitch_yaw
-
-GEOMETRY = ("gamma", "b", "alpha", "d", "theta", "r")
 
 
 def write_toml(robot: Robot) -> str:

@@ -11,12 +11,12 @@ import numpy as np
 from identify.errors import InputError
 from identify.estimation.identification import FRICTION, Identification
 from identify.numbers import finite
+from identify.robot.robot import GEOMETRY
 from identify.validation.comparison_friction import friction_rows, friction_tests
 from identify.validation.comparison_residuals import shared_logs, training_rows
 from identify.validation.significance import LEVEL, common_factor, holm, joint_test, single_p
 
 FORMAT = "identify/comparison/1"
-_GEOMETRY = ("type", "parent", "alpha", "d", "theta", "r", "gamma", "b")
 _SOFTWARE = "versions"
 _COUNTS = ("rows", "effective_samples")
 
@@ -188,7 +188,7 @@ def _robots(pair: Sequence[Identification]) -> dict[str, Any]:
 def _frames(pair: Sequence[Identification]) -> list[str]:
     """What differs between two robots of that which gives base parameters their meaning."""
     a, b = (result.robot for result in pair)
-    which = _joints_that_differ(pair, _GEOMETRY)
+    which = _joints_that_differ(pair, ("type", "parent", *GEOMETRY))
     found = [f"geometry of {which}"] if which else []
     return found + [key for key in ("gravity", "transmission") if getattr(a, key) != getattr(b, key)]
 

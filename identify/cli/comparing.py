@@ -40,7 +40,7 @@ def compare(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 def _told(found: Mapping[str, Any]) -> None:
     """The answers, then friction and residuals of every joint, then the parameters that changed."""
-    from identify.report.comparison import TITLES
+    from identify.validation.comparison_findings import TITLES
 
     for name, side in zip("AB", found["results"], strict=True):
         logs = ", ".join(log["path"] for log in side["logs"] if log["role"] == "train")

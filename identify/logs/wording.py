@@ -21,4 +21,9 @@ def counted(number: int, noun: str) -> str:
 def listed(names: Sequence[str]) -> str:
     """The names with commas between them, on one line; of very many or very long ones no more than is readable."""
     shown = [printable(name if len(name) <= _LETTERS else f"{name[:_LETTERS]}…") for name in names[:_SHOWN]]
-    return ", ".join(shown) + (f" and {len(names) - _SHOWN:,} more" if len(names) > _SHOWN else "")
+    return first([*shown, *names[_SHOWN:]], _SHOWN)
+
+
+def first(texts: Sequence[str], most: int) -> str:
+    """ "a, b and 3 more": the first texts with commas between them, and how many there are beside."""
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most:,} more" if len(texts) > most else "")

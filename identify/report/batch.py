@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 from urllib.parse import quote
 
-from identify.logs.wording import counted
+from identify.logs.wording import counted, first
 from identify.numbers import DASH, column, given, percent, significant
 from identify.report import batch_figures
 from identify.report.drawing import drawing
@@ -226,10 +226,10 @@ def _odd(summary: Summary) -> list[tuple[str, str]]:
         worst = max(rows, key=lambda row: row["parameters"][0]["distance"])["parameters"]
         shown = [
             f"{symbol_html(p['name'])} {significant(p['distance'], 2)} times ({significant(p['sigmas'], 2)} σ)"
-            for p in worst[:MOST]
+            for p in worst
         ]
-        listed = ", ".join(shown) + (f" and {len(worst) - len(shown)} more" if len(worst) > len(shown) else "")
         which = f" in {len(rows)} of its {list(units.values()).count(name)} logs" if len(rows) > 1 else ""
+        listed = first(shown, MOST)
         sentence = (
             f"<b>{esc(name)}</b> is odd{which}. Distance from the median of all logs, against the usual: {listed}."
         )
@@ -251,8 +251,7 @@ def _whose(names: Sequence[str], known: int) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = list(names[:MOST])
-    return ", ".join(shown) + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
+    return first(names, MOST)
 
 
 def _relative(value: Any) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from identify.logs.wording import first
 from identify.numbers import DASH, significant
 from identify.report import comparison_figures, comparison_tables
 from identify.report.drawing import drawing
@@ -25,10 +26,12 @@ from identify.report.markup import (
 from identify.report.page import document, printable, section_html
 from identify.report.record import short
 from identify.report.symbols import symbol_text
-from identify.validation.comparison_findings import CHANGED, UNCHANGED, cautions, findings
+from identify.validation.comparison_findings import CHANGED, TITLES, UNCHANGED, cautions, findings
 
 Comparison = Mapping[str, Any]
-TITLES = {"friction": "Friction", "links": "Links and motors", "prediction": "Prediction"}
+NAMED = 3
+"""Logs, joints or parameters that a line names."""
+
 FEW, MOST = 8, 12
 """Joints up to which the table of friction is open; joints whose curves a page draws, those that differ most."""
 
@@ -62,7 +65,7 @@ def _header(comparison: Comparison) -> str:
 
 def _logs(side: Mapping[str, Any]) -> str:
     names = [short(log["path"]) for log in side["logs"] if log["role"] == "train"]
-    return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return first(names, NAMED)
 
 
 def _answers(comparison: Comparison) -> Section:
@@ -102,8 +105,7 @@ def answer(comparison: Comparison) -> str:
 
 def _changed(state: str, what: str, names: Sequence[str]) -> str:
     if state == CHANGED:
-        listed = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
-        return f"{what} changed" + (f" ({listed})" if listed else "")
+        return f"{what} changed" + (f" ({first(names, NAMED)})" if names else "")
     return f"no change of {what} is seen" if state == UNCHANGED else f"changes of {what} can’t be told"
 
 

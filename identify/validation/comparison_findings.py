@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from identify.logs.wording import first
 from identify.numbers import estimate, percent, significant
 from identify.validation.significance import LEVEL
+
+TITLES = {"friction": "Friction", "links": "Links and motors", "prediction": "Prediction"}
+"""What is asked, as a heading."""
 
 CHANGED, UNCHANGED, UNTESTED = "CHANGED", "NO CHANGE SEEN", "NOT TESTED"
 BETTER, UNDECIDED = "{} BETTER", "UNDECIDED"
@@ -36,8 +40,9 @@ def cautions(comparison: Comparison) -> list[str]:
     """What a reader must know before believing any difference."""
     told = []
     if comparison["fitted_by_both"]:
+        logs = first([Path(path).name for path in comparison["fitted_by_both"]], MOST)
         told.append(
-            f"both were fitted to {_listed([_short(path) for path in comparison['fitted_by_both']])}: their errors are "
+            f"both were fitted to {logs}: their errors are "
             "alike, so a difference tells what was done to the log, not that the robot changed; differences in σ are "
             "reckoned as if the errors were independent, and no chance is stated"
         )
@@ -116,7 +121,7 @@ def _friction(comparison: Comparison) -> tuple[str, str]:
     elif comparison["fitted_by_both"]:
         told.append("not tested, as both were fitted to the same log")
     if other:
-        who = "all joints" if len(other) == len(rows) else _listed(other)
+        who = "all joints" if len(other) == len(rows) else first(other, MOST)
         told.append(
             f"{who} can’t be tested, as the fits give them other forms of friction, or forms with other constants; fit "
             "both with the same `--friction`"
@@ -166,11 +171,10 @@ def _links(comparison: Comparison) -> tuple[str, str]:
         f"{chance_text(together['p'])}"
     )
     if changed:
-        named = ", ".join(f"{row['name']} by {_z(row)}" for row in changed[:MOST])
-        more = f" and {len(changed) - MOST} more" if len(changed) > MOST else ""
+        named = first([f"{row['name']} by {_z(row)}" for row in changed], MOST)
         return (
             CHANGED,
-            f"{len(changed)} of {len(rows)} link and motor parameters changed: {named}{more} ({all_of_them})",
+            f"{len(changed)} of {len(rows)} link and motor parameters changed: {named} ({all_of_them})",
         )
     told = f"none of the {len(rows)} link and motor parameters is seen to have changed"
     if together["p"] < LEVEL:
@@ -188,7 +192,7 @@ def _prediction(comparison: Comparison) -> tuple[str, str]:
         if not log["fair"]:
             continue
         a, b = (percent(x, 3) for x in log["total"]["moving_relative_residual_percent"])
-        text = f"{_short(log['path'])}, held out from both: A leaves {a} of the torque in motion, B {b}"
+        text = f"{Path(log['path']).name}, held out from both: A leaves {a} of the torque in motion, B {b}"
         if log["better"]:
             wins = max(log["pieces"])
             text += f"; {log['better']} is the better one in {wins} of {sum(log['pieces'])} s"
@@ -204,12 +208,3 @@ def _prediction(comparison: Comparison) -> tuple[str, str]:
         )
     state = BETTER.format(winners[0]) if winners[0] and set(winners) == {winners[0]} else UNDECIDED
     return state, "; ".join(told)
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:MOST])
-    return shown + (f" and {len(names) - MOST} more" if len(names) > MOST else "")
-
-
-def _short(path: str) -> str:
-    return Path(path).name

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from identify.logs.finding import KEPT, WARNING, Finding
+from identify.logs.wording import first
 from identify.regressor.regressor import Regressor
 from identify.validation.log_rows import Equations, Rows
 
@@ -35,8 +36,8 @@ def excitation(regressor: Regressor, rows: Rows, built: Equations, b: np.ndarray
         share = (vectors[weak] ** 2).sum(axis=0)
         order = np.argsort(-share)
         names = [built.names[used[k]] for k in order if share[k] > 0.5] or [built.names[used[k]] for k in order[:3]]
-        shown = ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
-        text = f"the motion tells {len(weak)} of {len(used)} combinations of parameters no better than noise: {shown}"
+        told = f"the motion tells {len(weak)} of {len(used)} combinations of parameters no better than noise"
+        text = f"{told}: {first(names, 6)}"
         findings.append(Finding("under-excited", WARNING, text, KEPT))
     weak_joints = []
     for j, mean in enumerate(_mean_inertia(regressor, rows)):

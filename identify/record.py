@@ -21,6 +21,7 @@ from identify.estimation.scoring import explained
 from identify.estimation.settings import CONSTANTS
 from identify.logs.log import Log
 from identify.logs.triage import Findings
+from identify.numbers import finite
 from identify.regressor.columns import COUPLED, MORE, column_kind
 from identify.regressor.friction import FURTHER
 from identify.robot.robot import Limits, Robot
@@ -295,16 +296,12 @@ def _energy_only(fit: ModelFit) -> dict[str, Any]:
 
 
 def _limits(limits: Limits) -> dict[str, Any]:
-    position = [_finite(x) for x in limits.position]
+    position = [finite(x) for x in limits.position]
     row = {
         "position": None if position == [None, None] else position,
-        "velocity": _finite(limits.velocity),
-        "acceleration": _finite(limits.acceleration),
-        "effort": _finite(limits.effort),
+        "velocity": finite(limits.velocity),
+        "acceleration": finite(limits.acceleration),
+        "effort": finite(limits.effort),
     }
     one_sided = {"position_reason": "the robot file gives it on one side alone"} if None in position else {}
     return one_sided | explained(row, dict.fromkeys(row, "the robot file gives none"))
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

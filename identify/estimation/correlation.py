@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-STRONG = 0.9
-"""Correlation from which two parameters count as hardly told apart."""
-
 
 def correlations(covariance: np.ndarray) -> np.ndarray:
     """(p, p) correlation matrix of a covariance; 0 beside parameters without variance."""

@@ -12,6 +12,7 @@ from identify.experiment.fourier import one_period
 from identify.experiment.information import scaled_condition
 from identify.experiment.margins import Margins
 from identify.experiment.trajectory import Trajectory
+from identify.numbers import finite
 from identify.robot.robot import Robot
 
 
@@ -54,8 +55,8 @@ class Assessment:
         return {
             "criterion": self.criterion,
             "value": self.value,
-            "torque_condition": _finite(self.torque_condition),
-            "energy_condition": _finite(self.energy_condition),
+            "torque_condition": finite(self.torque_condition),
+            "energy_condition": finite(self.energy_condition),
             "window_s": self.window,
             "use": self.margins.use,
             "tightest": self.margins.tightest,
@@ -93,7 +94,3 @@ def assessed(design: Design, trajectory: Trajectory) -> Assessment:
         margins=design.margins(trajectory),
         unexcited=tuple(np.array(regressor.names)[lost].tolist()),
     )
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

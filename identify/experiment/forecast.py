@@ -10,6 +10,7 @@ import numpy as np
 from identify.experiment.fourier import one_period
 from identify.experiment.knowledge import Knowledge, parameter_sizes, standard_deviations
 from identify.experiment.trajectory import Trajectory
+from identify.numbers import finite
 from identify.regressor.regressor import Regressor
 
 SHOWN = 10
@@ -77,10 +78,10 @@ class Forecast:
                 "name": name,
                 "unit": unit,
                 "value": float(self.values[i]) if self.sizes[i] else None,
-                "std": _finite(self.std[i]),
-                "relative_std_percent": _finite(relative[i]),
-                "std_before": None if self.before is None else _finite(self.before[i]),
-                "blur": _finite(self.blur[i]),
+                "std": finite(self.std[i]),
+                "relative_std_percent": finite(relative[i]),
+                "std_before": None if self.before is None else finite(self.before[i]),
+                "blur": finite(self.blur[i]),
             }
             for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True))
         ]
@@ -144,7 +145,3 @@ def _windows(signal: np.ndarray, every: int) -> np.ndarray:
 
 def _shown(percent: float) -> str:
     return f"{'':>8}" if np.isnan(percent) else f"{percent:8.2g}"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

@@ -11,32 +11,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors import UnsupportedLogError
 from identify.estimation.estimators.problem import Problem
-from identify.estimation.estimators.simulated import controls_of, simulated
-from identify.estimation.least_squares import Estimate, estimate_of, weighted_least_squares, weights_by_noise
+from identify.estimation.estimators.simulated import closed
+from identify.estimation.least_squares import Estimate, estimate_of, weights_by_noise
 from identify.estimation.observation import torque_blocks, torque_residual
 from identify.estimation.reduction import reduced
 from identify.logs.log import Log
 from identify.logs.slicing import select
 
-CLOSE = 0.05
-"""Steps end when no parameter moves by more than this share of its standard deviation."""
-
-STEPS = 10
-
 
 def didim(problem: Problem) -> Estimate:
     """Weighted least squares of Γ − Γ_sim, from the weighted least squares of the torque model on."""
-    controls = controls_of(problem)
-    estimate = weighted_least_squares(problem.reduction, problem.residual)
-    for _ in range(STEPS):
-        new = _step(problem, *simulated(problem, controls, estimate))
-        moved = np.max(np.abs(new.parameters - estimate.parameters) / new.std)
-        estimate = new
-        if moved < CLOSE:
-            return estimate
-    raise UnsupportedLogError(f"{STEPS} simulations did not come to one estimate")
+    return closed(problem, lambda _, logs, parameters: _step(problem, logs, parameters))
 
 
 def _step(problem: Problem, logs: list[Log], start: np.ndarray) -> Estimate:

@@ -12,31 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from identify.errors import UnsupportedLogError
 from identify.estimation.estimators.problem import Problem
-from identify.estimation.estimators.simulated import controls_of, simulated
-from identify.estimation.least_squares import Estimate, estimate_of, weighted_least_squares
+from identify.estimation.estimators.simulated import closed
+from identify.estimation.least_squares import Estimate, estimate_of
 from identify.estimation.observation import Observation, torque_blocks
 from identify.estimation.reduction import reduced
 from identify.logs.log import Log
 
-CLOSE = 0.05
-"""Passes end when no parameter moves by more than this share of its standard deviation."""
-
-PASSES = 10
-
 
 def idim_iv(problem: Problem) -> Estimate:
     """IV estimate, from weighted least squares on; joints weighted by the residual of the pass before."""
-    controls = controls_of(problem)
-    estimate = weighted_least_squares(problem.reduction, problem.residual)
-    for _ in range(PASSES):
-        new = _instrumented(problem, simulated(problem, controls, estimate)[0], 1 / np.maximum(estimate.sigma, 1e-12))
-        moved = np.max(np.abs(new.parameters - estimate.parameters) / new.std)
-        estimate = new
-        if moved < CLOSE:
-            return estimate
-    raise UnsupportedLogError(f"instruments of {PASSES} simulations did not come to one estimate")
+    return closed(problem, lambda last, logs, _: _instrumented(problem, logs, 1 / np.maximum(last.sigma, 1e-12)))
 
 
 def _instrumented(problem: Problem, logs: list[Log], weights: np.ndarray) -> Estimate:

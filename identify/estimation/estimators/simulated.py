@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from identify.errors import InputError, UnsupportedLogError
 from identify.estimation.estimators.problem import Problem
 from identify.estimation.identified_robot import plain_friction, with_standard
-from identify.estimation.least_squares import Estimate
+from identify.estimation.least_squares import Estimate, weighted_least_squares
 from identify.estimation.physical import information_of, nearest_consistent
 from identify.estimation.reference import reference
 from identify.estimation.settings import Settings
@@ -23,6 +23,28 @@ from identify.robot.robot import Robot
 
 LONGEST_S = 600.0
 """Logs that are longer together [s] are not simulated, with which a fit would take minutes."""
+
+SIMULATIONS = 10
+
+CLOSE = 0.05
+"""Simulations end when no parameter moves by more than this share of its standard deviation."""
+
+
+def closed(problem: Problem, improved: Callable[[Estimate, list[Log], np.ndarray], Estimate]) -> Estimate:
+    """From weighted least squares of the torque model on, one estimate after the other until it stays.
+
+    improved: the next estimate, of the last one, its simulated logs and the parameters (p,) of the arm in them.
+    UnsupportedLogError where SIMULATIONS are not enough.
+    """
+    controls = controls_of(problem)
+    estimate = weighted_least_squares(problem.reduction, problem.residual)
+    for _ in range(SIMULATIONS):
+        new = improved(estimate, *simulated(problem, controls, estimate))
+        moved = np.max(np.abs(new.parameters - estimate.parameters) / new.std)
+        estimate = new
+        if moved < CLOSE:
+            return estimate
+    raise UnsupportedLogError(f"{SIMULATIONS} simulations did not come to one estimate")
 
 
 def controls_of(problem: Problem) -> list[Control]:

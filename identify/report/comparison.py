@@ -11,7 +11,6 @@ from identify.report import comparison_figures, comparison_tables
 from identify.report.drawing import drawing
 from identify.report.markup import (
     MARKS,
-    SPRITE,
     Section,
     absent,
     esc,
@@ -23,7 +22,7 @@ from identify.report.markup import (
     prose,
     status,
 )
-from identify.report.page import document, printable, section_html
+from identify.report.page import printable, sectioned
 from identify.report.record import short
 from identify.report.symbols import symbol_text
 from identify.validation.comparison_findings import CHANGED, TITLES, UNCHANGED, cautions, findings
@@ -42,10 +41,7 @@ def comparison_page(comparison: Comparison) -> str:
     with drawing():
         made = [_answers(clean), _results(clean), _prediction(clean), _friction(clean), _parameters(clean)]
         made += [_physics(clean), _provenance(clean)]
-    links = "".join(f'<li><a href="#{s.key}">{s.title}</a></li>' for s in made)
-    sections = "\n".join(section_html(s) for s in made)
-    main = f'{SPRITE}\n<main>\n{_header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n{sections}\n</main>'
-    return document(f"{clean['robot']['name']}: two results compared", main)
+    return sectioned(f"{clean['robot']['name']}: two results compared", _header(clean), made)
 
 
 def _header(comparison: Comparison) -> str:

@@ -7,7 +7,7 @@ import os
 import re
 import threading
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -47,12 +47,18 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
             evidence.provenance_section(clean),
         ]
     name = part(clean, "robot", "name") or "robot"
+    return sectioned(f"{name}: identified parameters", verdict.header(clean), sections, rejected(clean))
+
+
+def sectioned(title: str, header: str, sections: Sequence[Section], brief: bool = False) -> str:
+    """A whole page of a title (plain text), a header (HTML) and sections, with links to these; brief: those with
+    nothing to show are told in one list."""
     links = "".join(f'<li><a href="#{s.key}">{s.title}</a></li>' for s in sections)
     main = (
-        f'{SPRITE}\n<main>\n{verdict.header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n'
-        f"{_body(sections, rejected(clean))}\n</main>"
+        f'{SPRITE}\n<main>\n{header}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n'
+        f"{_body(sections, brief)}\n</main>"
     )
-    return document(f"{name}: identified parameters", main)
+    return document(title, main)
 
 
 def document(title: str, body: str) -> str:
@@ -115,7 +121,7 @@ def _read_curves(folder: Path) -> dict[str, np.ndarray]:
         raise InputError(f"{path}: not a file of arrays; run `identify fit` again") from error
 
 
-def _body(sections: list[Section], brief: bool) -> str:
+def _body(sections: Sequence[Section], brief: bool) -> str:
     """All sections in order; where `brief`, those with nothing to show become lines of one list before the last."""
     empty = [s for s in sections if s.why] if brief else []
     shown = [section_html(s) for s in sections if s not in empty]

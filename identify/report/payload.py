@@ -15,7 +15,6 @@ from identify.numbers import DASH, column, entry, finite, given, percent, signif
 from identify.report.curve_figures import panel
 from identify.report.drawing import drawing
 from identify.report.markup import (
-    SPRITE,
     Notes,
     Section,
     absent,
@@ -31,7 +30,7 @@ from identify.report.markup import (
     unit,
     warned,
 )
-from identify.report.page import document, printable, section_html
+from identify.report.page import printable, sectioned
 from identify.report.record import Record, items, joint_row, joints, part, reason, rejected, short
 from identify.report.symbols import symbol_html
 from identify.report.verdict import simulated_banner
@@ -53,10 +52,7 @@ def render(record: dict[str, Any], curves: Mapping[str, np.ndarray]) -> str:
             sections += [_load(clean), _residuals(clean, curves), _friction(clean), _physics(clean)]
         sections.append(_provenance(clean, len(sections) + 1))
     name = part(clean, "robot", "name") or "robot"
-    links = "".join(f'<li><a href="#{s.key}">{s.title}</a></li>' for s in sections)
-    shown = "\n".join(section_html(s) for s in sections)
-    main = f'{SPRITE}\n<main>\n{_header(clean)}\n<nav aria-label="Sections"><ol>{links}</ol></nav>\n{shown}\n</main>'
-    return document(f"{name}: load", main)
+    return sectioned(f"{name}: load", _header(clean), sections)
 
 
 def write_payload_page(folder: str | os.PathLike[str]) -> Path:

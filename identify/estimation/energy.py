@@ -16,7 +16,7 @@ from identify.estimation.noise import noise_of_rows
 from identify.estimation.observation import END_S, Signals, signal_pieces
 from identify.estimation.settings import Settings
 from identify.logs.log import Log
-from identify.regressor.columns import Sign
+from identify.regressor.friction import Sign
 from identify.regressor.regressor import Regressor
 from identify.side_by_side import mapped
 

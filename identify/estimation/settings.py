@@ -9,7 +9,7 @@ import numpy as np
 
 from identify.estimation.motion import Smoothing
 from identify.logs.triage import REST_SPEED
-from identify.regressor.columns import Sign, smooth_sign
+from identify.regressor.columns import smooth_sign
 from identify.regressor.friction import (
     LOAD,
     PRESLIDING,
@@ -17,6 +17,7 @@ from identify.regressor.friction import (
     STRIBECK_VELOCITY,
     FrictionConstants,
     Presliding,
+    Sign,
     further_forms,
 )
 from identify.regressor.regressor import Regressor

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identify.regressor.columns import Sign
+from identify.regressor.friction import Sign
 from identify.regressor.regressor import Regressor
 
 

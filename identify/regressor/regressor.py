@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from identify.regressor.backend import Backend
-from identify.regressor.columns import JointColumns, Sign
+from identify.regressor.columns import JointColumns
 from identify.regressor.dependence import dependent_columns
-from identify.regressor.friction import LOAD, USUAL, FrictionConstants, Presliding, further_forms
+from identify.regressor.friction import LOAD, USUAL, FrictionConstants, Presliding, Sign, further_forms
 from identify.regressor.kernel import Kernel, blocks
 from identify.robot.robot import Robot
 from identify.symbolic.base_parameters import base_parameters

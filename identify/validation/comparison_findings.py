@@ -91,6 +91,7 @@ def difference_text(value: float, sigma: float) -> str:
 
 
 def plus(value: float) -> str:
+    """The sign that a number above zero is written without."""
     return "+" if value > 0 else ""
 
 

@@ -19,7 +19,7 @@ _SINGULAR = 1e-10
 
 
 @dataclass(frozen=True)
-class Test:
+class JointTest:
     """statistic: dᵀC⁻¹d of a difference d with covariance C; combinations: its degrees of freedom; p: chance of a
     statistic at least as large where nothing differs."""
 
@@ -28,7 +28,7 @@ class Test:
     p: float
 
 
-def joint_test(difference: np.ndarray, covariance: np.ndarray, freedom: float = inf) -> Test | None:
+def joint_test(difference: np.ndarray, covariance: np.ndarray, freedom: float = inf) -> JointTest | None:
     """Test of all m entries of a difference (m,) with covariance (m, m) together; None where none has a variance.
 
     freedom: degrees of freedom behind the covariance; the statistic over m follows F(m, freedom), and χ² where that
@@ -46,7 +46,7 @@ def joint_test(difference: np.ndarray, covariance: np.ndarray, freedom: float = 
     statistic = float(((vectors.T @ z)[kept] ** 2 / values[kept]).sum())
     count = int(kept.sum())
     p = chdtrc(count, statistic) if freedom == inf else fdtrc(count, freedom, statistic / count)
-    return Test(statistic, count, float(p))
+    return JointTest(statistic, count, float(p))
 
 
 def single_p(z: np.ndarray, freedom: float = inf) -> np.ndarray:

@@ -19,7 +19,7 @@ from identify.logs.log import Log
 from identify.logs.triage import Findings
 from identify.record import head
 from identify.regressor.regressor import Regressor
-from identify.robot.robot import IDENTITY, LINK_PARAMETERS, LINK_UNITS, Robot
+from identify.robot.robot import IDENTITY, LINK_PARAMETERS, LINK_UNITS, Link, Robot
 from identify.robot.transforms import inverse
 from identify.validation.verdict import WELL_KNOWN
 
@@ -202,9 +202,7 @@ def physical_load(found: LoadEstimate, certain: bool) -> dict[str, Any]:
     except InputError as error:
         return {"physical": None, "physical_reason": str(error)}
     values = body_values(body.parameters)[0]
-    inertia = np.zeros((3, 3))
-    inertia[np.triu_indices(3)] = values[4:]
-    moments = np.linalg.eigvalsh(inertia + np.triu(inertia, 1).T)
+    moments = Link(inertia=tuple(values[4:])).principal_moments
     return {
         "physical": {
             "consistent": bool(body.eigenvalue > 0),

@@ -229,19 +229,17 @@ def _refuse_vague(
 ) -> None:
     """UnsupportedLogError where the logs can't tell the load's mass, or are not explained by any load."""
     from identify.estimation.payload import load_matrix
-    from identify.estimation.reference import mean_length
+    from identify.estimation.reference import mass_scale, mean_length
     from identify.validation.payload_verdict import refusals_of_load
 
     regressor = fitted.regressor
     matrix = load_matrix(regressor)
-    arms = {"kg": 1.0, "kg·m": mean_length(fitted.robot), "kg·m²": mean_length(fitted.robot) ** 2}
-    base = zip(fitted.parameters, regressor.base.units, strict=False)
     reasons = refusals_of_load(
         told=mass is not None or estimate.tells(np.eye(10)[9]),
         felt=mass is not None or np.linalg.matrix_rank(matrix[:, :9]) < np.linalg.matrix_rank(matrix),
         mass=float(estimate.parameters[9]),
         std=float(np.sqrt(estimate.covariance[9, 9])),
-        arm_mass=max(abs(x) / arms[unit] for x, unit in base),
+        arm_mass=mass_scale(regressor, fitted.parameters, mean_length(fitted.robot)),
         still=still,
         residual=figures["moving_relative_residual_percent"],
     )

@@ -14,8 +14,8 @@ from identify.estimation.settings import Settings
 from identify.regressor.columns import COUPLED, MORE, JointColumns
 from identify.regressor.friction import ASYMMETRIC, sliding_laws
 from identify.regressor.regressor import Regressor
-from identify.robot.robot import Drive, Robot
-from identify.robot.transforms import inertia_matrix, make_link
+from identify.robot.robot import Drive, Link, Robot
+from identify.robot.transforms import make_link
 from identify.robot.writing import not_carried, written
 
 
@@ -81,10 +81,7 @@ def identified_robot(result: Identification) -> Robot:
         raise InputError(f"the result holds no standard parameters that physics allows ({why}); fit again")
     joints = []
     for joint, link, drive in zip(result.robot.joints, physical["links"], physical["drives"], strict=True):
-        ixx, ixy, ixz, iyy, iyz, izz = link["inertia"]
-        body = make_link(
-            link["mass"], np.array(link["com"]), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-        )
+        body = Link(link["mass"], tuple(link["com"]), tuple(link["inertia"]))
         values = {key: float(drive[key]) for key in ("inertia", "viscous", "coulomb", "offset")}
         joints.append(replace(joint, link=body, drive=Drive(**values)))
     transmission = result.robot.transmission
@@ -103,7 +100,7 @@ def link_table(robot: Robot) -> list[dict[str, Any]]:
     rows = []
     for joint in robot.joints:
         link = joint.link
-        moments = np.linalg.eigvalsh(inertia_matrix(link))
+        moments = link.principal_moments
         rows.append(
             {
                 "name": joint.name,

@@ -17,7 +17,6 @@ from identify.estimation.identification import CURVES
 from identify.logs.folders import check_replaceable, replacing_folder
 from identify.numbers import entry, significant
 from identify.robot.robot import Link
-from identify.robot.transforms import make_link
 
 FORMAT = "identify/payload/1"
 RECORD = "payload.json"
@@ -46,8 +45,8 @@ class Payload:
         physical = self.record["physical"]
         if physical is None:
             return None
-        mass, x, y, z, ixx, ixy, ixz, iyy, iyz, izz = (row["value"] for row in physical["body"])
-        return make_link(mass, np.array([x, y, z]), np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
+        mass, x, y, z, *inertia = (row["value"] for row in physical["body"])
+        return Link(mass, (x, y, z), tuple(inertia))
 
     def summary(self) -> str:
         """A page of text: verdict, the load with its standard deviations, residuals without and with it."""

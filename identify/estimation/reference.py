@@ -8,7 +8,6 @@ import numpy as np
 
 from identify.regressor.regressor import Regressor
 from identify.robot.robot import Link, Robot
-from identify.robot.transforms import inertia_matrix
 
 THIN = 0.03
 """Least radius of gyration of a reference body along any axis, in shares of the arm's mean link length."""
@@ -42,7 +41,7 @@ def reference(regressor: Regressor, estimate: np.ndarray, description: bool) -> 
     """
     robot = regressor.robot
     length = mean_length(robot)
-    mass = _mass(regressor, estimate, length) / robot.n
+    mass = mass_scale(regressor, estimate, length) / robot.n
     bodies, actuators, kinds, actuator_kinds = [], [], [], []
     for joint in robot.joints:
         known = description and joint.link.mass > 0
@@ -62,7 +61,7 @@ def mean_length(robot: Robot) -> float:
     return float(apart.mean()) if len(apart) else LENGTH
 
 
-def _mass(regressor: Regressor, estimate: np.ndarray, length: float) -> float:
+def mass_scale(regressor: Regressor, estimate: np.ndarray, length: float) -> float:
     """Mass [kg] that puts the largest base parameter at `length` from its joint."""
     arms = {"kg": 1.0, "kg·m": length, "kg·m²": length**2}
     found = [abs(x) / arms[unit] for x, unit in zip(estimate, regressor.base.units, strict=False)]
@@ -71,7 +70,7 @@ def _mass(regressor: Regressor, estimate: np.ndarray, length: float) -> float:
 
 def _body(link: Link, thin: float) -> np.ndarray:
     """(4, 4) pseudo-inertia of a link with mass, no radius of gyration along any axis below `thin` [m]."""
-    inertia = inertia_matrix(link)
+    inertia = link.inertia_matrix
     values, axes = np.linalg.eigh(np.trace(inertia) / 2 * np.eye(3) - inertia)
     second = axes @ np.diag(np.maximum(values, link.mass * thin**2)) @ axes.T
     com = np.array(link.com)

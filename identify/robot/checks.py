@@ -109,8 +109,7 @@ def inertia_problem(link: Link) -> str | None:
     """
     if link.mass < 0:
         return f"the mass {link.mass:g} kg is negative"
-    ixx, ixy, ixz, iyy, iyz, izz = link.inertia
-    moments = np.linalg.eigvalsh(np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]]))
+    moments = link.principal_moments
     slack = ROUNDING * float(np.abs(moments).max())
     listed = ", ".join(f"{moment:.6g}" for moment in moments)
     if link.mass == 0 and np.any(moments):

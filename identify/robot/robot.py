@@ -41,12 +41,21 @@ class Link:
     inertia: tuple[float, ...] = (0.0,) * 6
 
     @property
+    def inertia_matrix(self) -> np.ndarray:
+        """(3, 3) inertia about the centre of mass in the axes of R_j [kg·m²]."""
+        ixx, ixy, ixz, iyy, iyz, izz = self.inertia
+        return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
+
+    @property
+    def principal_moments(self) -> np.ndarray:
+        """(3,) eigenvalues of the inertia matrix [kg·m²], rising."""
+        return np.linalg.eigvalsh(self.inertia_matrix)
+
+    @property
     def standard(self) -> np.ndarray:
         """(10,) XX XY XZ YY YZ ZZ MX MY MZ M about O_j in the axes of R_j, SI."""
         c = np.asarray(self.com)
-        ixx, ixy, ixz, iyy, iyz, izz = self.inertia
-        about_com = np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-        inertia = about_com + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
+        inertia = self.inertia_matrix + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
         return np.array([*inertia[np.triu_indices(3)], *(self.mass * c), self.mass])
 
 

@@ -154,12 +154,6 @@ def link_frames(robot: Robot, q: Sequence[float] | np.ndarray) -> np.ndarray:
     return frames
 
 
-def inertia_matrix(link: Link) -> np.ndarray:
-    """(3, 3) inertia of the link about its centre of mass in the axes of its frame [kg·m²]."""
-    ixx, ixy, ixz, iyy, iyz, izz = link.inertia
-    return np.array([[ixx, ixy, ixz], [ixy, iyy, iyz], [ixz, iyz, izz]])
-
-
 def make_link(mass: float, com: np.ndarray, inertia: np.ndarray) -> Link:
     """Link from mass [kg], com (3,) [m] and inertia (3, 3) about it [kg·m²], symmetric part taken."""
     upper = (0.5 * (inertia + inertia.T))[np.triu_indices(3)]
@@ -171,7 +165,7 @@ def move_link(link: Link, transform: np.ndarray) -> Link:
     """The same body seen from another frame; `transform` (4, 4) holds the link's present frame in the new one."""
     rotation = transform[:3, :3]
     com = rotation @ np.asarray(link.com) + transform[:3, 3] if link.mass else np.zeros(3)
-    return make_link(link.mass, com, rotation @ inertia_matrix(link) @ rotation.T)
+    return make_link(link.mass, com, rotation @ link.inertia_matrix @ rotation.T)
 
 
 def merge_links(first: Link, second: Link) -> Link:
@@ -180,9 +174,9 @@ def merge_links(first: Link, second: Link) -> Link:
         return first
     mass = first.mass + second.mass
     if mass == 0.0:
-        return make_link(0.0, np.zeros(3), inertia_matrix(first) + inertia_matrix(second))
+        return make_link(0.0, np.zeros(3), first.inertia_matrix + second.inertia_matrix)
     a, b = np.asarray(first.com), np.asarray(second.com)
     apart = b - a
     steiner = first.mass * second.mass / mass * (apart @ apart * np.eye(3) - np.outer(apart, apart))
     com = (first.mass * a + second.mass * b) / mass
-    return make_link(mass, com, inertia_matrix(first) + inertia_matrix(second) + steiner)
+    return make_link(mass, com, first.inertia_matrix + second.inertia_matrix + steiner)

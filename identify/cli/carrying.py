@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from identify.cli.options import LOG, as_json, output, reading, result
+from identify.cli.options import LOG, as_json, number, output, reading, result
 from identify.cli.places import check_folder, parents_of
 from identify.cli.progress import progress_line
 from identify.errors import InputError, UnsupportedLogError
@@ -147,10 +146,7 @@ def _unloaded(options: argparse.Namespace, fitted: Identification) -> list[Log]:
 
 
 def _mass(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not (0 < value < 1e6):
         raise argparse.ArgumentTypeError(f"{text!r} is not a mass above 0 kg")
     return value

@@ -173,27 +173,29 @@ def frame(text: str) -> int | str:
 
 
 def count(text: str) -> int:
-    number = whole_number(text)
-    if not number:
+    found = whole_number(text)
+    if not found:
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of at least 1")
-    return number
+    return found
+
+
+def number(text: str) -> float:
+    """What the text says, NaN where that is no number."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not math.isfinite(value):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
     return value
 
 
 def share(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not 0 < value <= 1e3:
         raise argparse.ArgumentTypeError(f"{text!r} is no share: give a number above 0, such as 0.3")
     return value

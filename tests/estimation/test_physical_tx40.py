@@ -46,7 +46,8 @@ def log() -> Log:
     ("settings", "start", "most"), [(PLAIN, 0.0, 0.5), (PLAIN, 3.6, 0.5), (CHOSEN, 0.0, 0.5), (CHOSEN, 3.6, 1.5)]
 )
 def test_possible_links_cost_little(start: float, settings: Settings, most: float, log: Log) -> None:
-    """Every link ≻ 0, the weighted residual ‖r‖ at most 0.5 % longer [issue 4], the solver within 50 ms.
+    """Every link ≻ 0, the weighted residual ‖r‖ at most 0.5 % longer [issue 4], which the last case
+    misses; the solver within 50 ms.
 
     Measured: 0.31 % on the whole recording and 0.40 % on its last 60 % with plain friction (ZZ6 and others come out of
     least squares with the wrong sign). With further forms of friction the residual is half as long: 0.35 % and, on

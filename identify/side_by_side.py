@@ -57,29 +57,6 @@ def mapped(function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
             future.cancel()
 
 
-def ahead(items: Iterable[T], size: Callable[[T], int], most: int) -> Iterator[T]:
-    """The items in their order, made while those before them are used, as many ahead as have `most` in size."""
-    count = workers()
-    if count == 1:
-        yield from items
-        return
-    source, pool = iter(items), _threads(count)
-
-    def several() -> list[T]:
-        found, total = [], 0
-        for item in source:
-            found.append(item)
-            total += size(item)
-            if total >= most:
-                break
-        return found
-
-    coming = pool.submit(several)
-    while found := coming.result():
-        coming = pool.submit(several)
-        yield from found
-
-
 def meanwhile(function: Callable[[], R]) -> Callable[[], R]:
     """The function, called while the caller goes on with something else; what is returned waits for its result."""
     count = workers()

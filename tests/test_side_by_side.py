@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from identify import side_by_side
-from identify.side_by_side import ahead, mapped, meanwhile, workers
+from identify.side_by_side import mapped, meanwhile, workers
 
 
 @pytest.fixture(params=[1, 2, 4])
@@ -40,20 +40,6 @@ def test_an_error_comes_in_its_place_and_ends_the_work(threads: int) -> None:
     with pytest.raises(ZeroDivisionError):
         next(found)
     assert len(taken) <= 5 + threads
-
-
-def test_items_made_ahead_come_in_order_as_do_their_errors(threads: int) -> None:
-    taken: list[int] = []
-    for k, item in enumerate(ahead(counted(taken), lambda _: 1, most=5)):
-        assert item == k
-        assert len(taken) <= k + 1 + (0 if threads == 1 else 10)
-
-    def broken() -> Iterator[int]:
-        yield 1
-        raise OSError("gone")
-
-    with pytest.raises(OSError, match="gone"):
-        list(ahead(broken(), lambda _: 1, most=5))
 
 
 def test_meanwhile_gives_the_result_or_raises_the_error(threads: int) -> None:

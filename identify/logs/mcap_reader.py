@@ -26,7 +26,6 @@ from identify.logs.wording import counted, listed, printable
 
 _SERIES_KEPT = 256
 _UNPACKED = 4
-_AHEAD = 1 << 21
 
 
 @dataclass(frozen=True)
@@ -138,14 +137,13 @@ def _gather(path: Path, found: _Gathered) -> None:
 
     from identify.logs.mcap_content import Batch
     from identify.logs.mcap_records import records
-    from identify.side_by_side import ahead
 
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     kinds: dict[int, Kind | None] = {}
     layouts: dict[int, list[joint_state.Layout]] = {}
     proven: set[int] = set()
-    for item in ahead(records(path), lambda item: len(item.content) if isinstance(item, Batch) else 0, _AHEAD):
+    for item in records(path):
         match item:
             case Batch():
                 found.read_bytes = found.done_bytes + item.stop

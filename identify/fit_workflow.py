@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identify.errors import LogError, UnsupportedLogError
+from identify.errors import InputError, LogError, UnsupportedLogError
 from identify.logs.log import Log
 from identify.robot.robot import Robot
 from identify.side_by_side import give_back
@@ -55,8 +55,12 @@ def triaged(
     from identify.regressor.regressor import Regressor
     from identify.validation.possible import check_prior
 
-    choice(model, estimator)
+    by = choice(model, estimator)
     forms = chosen_forms(friction)
+    if forms and by.model == "energy":
+        raise InputError(
+            f"friction {', '.join(forms)} is of the torque model alone; leave it out with the energy model"
+        )
     check_prior(robot, prior)
     train = for_robot([log] if isinstance(log, Log) else log, robot)
     test = for_robot(test, robot)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,7 +84,7 @@ def payload_to_folder(
     except UnsupportedLogError as error:
         fitted = Identification.load(folder)
         every = for_robot([*logs, *test], fitted.robot)
-        triage = looked_over(every, fitted.robot, fitted.regressor.with_forms(()))
+        triage = [_burdened(found) for found in looked_over(every, fitted.robot, fitted.regressor.with_forms(()))]
         known, others = every[: len(logs)], every[len(logs) :]
         digest = fit_digest(Path(folder))
         head = payload_head(fitted, str(Path(folder)), digest, known, others, triage, command)
@@ -121,7 +122,7 @@ def _payload(
     loaded, tests, without = (for_robot(each, robot) for each in (logs, test, unloaded))
     _check(fitted, loaded, tests, without, mass)
     tell(0.0, "triage")
-    triage = looked_over([*loaded, *tests], robot, regressor.with_forms(()))
+    triage = [_burdened(found) for found in looked_over([*loaded, *tests], robot, regressor.with_forms(()))]
     for found in triage[: len(loaded)]:
         if reasons := refusals(found):
             raise UnsupportedLogError(*reasons)
@@ -217,6 +218,13 @@ def _gains(fitted: Identification, without: list[Log], loaded: list[Log], mass: 
     if LOAD in settings.friction:
         settings = choose_settings(plain, sample, friction=[form for form in settings.friction if form != LOAD])[0]
     return drive_gains(settings.suited(plain), settings, without, loaded, mass), settings
+
+
+def _burdened(found: Findings) -> Findings:
+    """The findings but for the effort's size against the description, which knows of no load."""
+    from identify.validation.log_checks import EFFORT_UNIT
+
+    return replace(found, findings=tuple(each for each in found.findings if each.kind != EFFORT_UNIT))
 
 
 def _moving(triage: Sequence[Findings]) -> list[bool]:

@@ -283,6 +283,7 @@ def test_a_log_of_another_robot_is_no_log_of_this_one(tmp_path: Path) -> None:
     [
         ({"model": "power"}, "model is 'power'; choose one of torque, energy"),
         ({"estimator": "best"}, "'best'; choose"),
+        ({"model": "energy", "friction": "cube_root"}, "cube_root is of the torque model alone"),
         ({"model": "torque", "estimator": "power"}, "of the energy model; of the torque model are ols"),
     ],
 )

@@ -71,8 +71,10 @@ def drive_gains(
 ) -> DriveGains:
     """The gains, from logs without and with a load of this mass [kg], all of one unknown effort unit per joint.
 
-    UnsupportedLogError where the motion can't tell them.
+    Settings are taken as they suit any motion, as in `estimate_load`. UnsupportedLogError where the motion can't tell
+    them.
     """
+    settings = settings.any_motion
     freed, n, p = free_friction(regressor), regressor.robot.n, regressor.p
     f, matrix = len(freed), load_matrix(regressor)
     effects = np.zeros((p, f))

@@ -108,8 +108,10 @@ def load_matrix(regressor: Regressor) -> np.ndarray:
 def estimate_load(unloaded: Unloaded, logs: Sequence[Log], friction: bool = True) -> LoadEstimate:
     """The load that logs of the loaded arm hold. friction: whether it may have changed with the load.
 
+    The arm swings otherwise than in the fit's logs: settings are those that suit any motion.
     UnsupportedLogError where no row is left.
     """
+    unloaded = replace(unloaded, settings=unloaded.settings.any_motion)
     found = _estimate(unloaded, logs, friction)
     if unloaded.settings.load_parameters is None:
         return found

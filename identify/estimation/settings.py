@@ -104,6 +104,12 @@ class Settings:
         nothing: dict[str, Any] = dict.fromkeys(name for names in CONSTANTS.values() for name in names)
         return replace(self, friction=(), **nothing)
 
+    @property
+    def any_motion(self) -> Settings:
+        """The same without the lower cut-off, which was found low enough for the motion of one log: of another one it
+        may take away what moves, and what it takes is missing from the inertias."""
+        return replace(self, quiet_cutoff_hz=None)
+
     def presliding(self, regressor: Regressor | None) -> Presliding | None:
         """What follows the regressor's presliding states along a log, or None where no friction reads them."""
         if regressor is None or self.presliding_distance is None:

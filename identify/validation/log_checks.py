@@ -21,6 +21,9 @@ WRONG_UNIT = 3.0
 TOLD = 0.5
 """Share of an effort's variation that the description explains, from which their ratio means something."""
 
+EFFORT_UNIT = "effort unit"
+"""Kind of finding that the description of the robot's links is asked for."""
+
 
 def look_over(log: Log, robot: Robot | None = None, regressor: Regressor | None = None) -> Findings:
     """Everything that is odd about a log: by itself, and with a robot by its limits and dynamics.
@@ -96,4 +99,4 @@ def _units(regressor: Regressor, rows: Rows, measured: np.ndarray) -> list[Findi
         return []
     told = ", ".join(f"{name} {ratio:.2g}" for name, ratio in wrong.items())
     text = f"effort over what the description of {robot.name} predicts: {told}: is it a current, or a motor's torque?"
-    return [Finding("effort unit", WARNING, text, f"{KEPT}; give its gain in a map", tuple(wrong))]
+    return [Finding(EFFORT_UNIT, WARNING, text, f"{KEPT}; give its gain in a map", tuple(wrong))]

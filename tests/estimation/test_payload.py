@@ -62,6 +62,16 @@ def test_a_load_adds_its_ten_parameters_to_those_of_the_arm(seed: int, tree: boo
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
 
 
+def test_the_low_cut_off_of_the_unloaded_log_is_not_put_on_the_load() -> None:
+    """It was low enough for the motion without the load; with it the arm swings otherwise."""
+    known = unloaded(exact_log(arm(1)))
+    quiet = replace(known, settings=replace(known.settings, quiet_cutoff_hz=1.0))
+    loaded = [exact_log(carrying(arm(1), LOAD), 2)]
+    found, other = estimate_load(known, loaded), estimate_load(quiet, loaded)
+    np.testing.assert_array_equal(other.parameters, found.parameters)
+    assert other.settings.quiet_cutoff_hz is None
+
+
 def test_a_load_is_found_in_exact_logs() -> None:
     """What is left is what the filters cost; the same load by the wrong centre of mass is 50 times further off."""
     found = estimate_load(unloaded(exact_log(arm(1))), [exact_log(carrying(arm(1), LOAD), 2)])

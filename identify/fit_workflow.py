@@ -160,7 +160,9 @@ def identified(task: Task, command: str, progress: Progress) -> Identification:
     if not tests:
         record["test_reason"] = "no held-out log was given"
     if task.estimator == ALL:
-        record["estimators"] = compared(both.problem, test)
+        # What repeats the training motion is no test of any of them, as it is none of the result.
+        repeated = [(row["motion"]["repeat"] or {}).get("repeats") for row in tests]
+        record["estimators"] = compared(both.problem, [log for log, is_ in zip(test, repeated, strict=True) if not is_])
     record["versions"]["regressor"] = regressor.backend
     record["verdict"] = verdict(record)
     curves = _curves("train", reviews) | _curves("test", seen) | held_out.residual_autocorrelation(reviews[0])

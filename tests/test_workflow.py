@@ -179,6 +179,20 @@ def test_estimators(estimator: str) -> None:
             assert row["test"]["moving_relative_residual_percent"] < 5 * default
 
 
+def test_estimators_are_not_tested_on_the_training_motion_once_more() -> None:
+    """The same motion under other noise counts for none of them; without another log there is no test, and why."""
+    train, repeat = exact_log(ARM, 1, noise=NOISE), exact_log(ARM, 1, noise=2 * NOISE, source="again.mcap")
+    unseen = exact_log(ARM, 2, noise=NOISE, source="other.mcap")
+    fair, mixed, none = (
+        workflow.fit(train, ARM, test, estimator="all").record["estimators"]
+        for test in ([unseen], [unseen, repeat], [repeat])
+    )
+    assert [row["test"] for row in mixed] == [row["test"] for row in fair]
+    for row in none:
+        assert row["test"] is None
+        assert row.get("reason") or "another motion" in row["test_reason"]
+
+
 def test_the_energy_model_is_the_result_that_was_asked_for() -> None:
     """The one that a fit of the torque model shows beside it."""
     found = workflow.fit(exact_log(ARM, 1, noise=NOISE), ARM, [exact_log(ARM, 2, noise=NOISE)], model="energy")

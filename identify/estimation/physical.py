@@ -20,6 +20,7 @@ from identify.errors import InputError
 from identify.estimation.reference import DESCRIPTION, Reference
 from identify.estimation.resistance import resisting
 from identify.estimation.settings import STILL
+from identify.experiment.knowledge import root_of
 from identify.regressor.columns import JointColumns, column_kind, smooth_sign
 from identify.regressor.friction import Sign
 from identify.regressor.regressor import Regressor
@@ -340,11 +341,8 @@ def information_of(covariance: np.ndarray) -> np.ndarray:
 
 def _root(information: np.ndarray, estimate: np.ndarray) -> np.ndarray:
     """(p, p) R with RᵀR the information, capped where a parameter would be known better than to PRECISION."""
-    scale = np.sqrt(np.diag(information))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    root = (vectors * np.sqrt(np.maximum(values, 0.0))).T * scale
-    best = np.max(scale * np.abs(estimate))
-    return root / max(1.0, best * PRECISION)
+    best = np.max(np.sqrt(np.diag(information)) * np.abs(estimate))
+    return root_of(information) / max(1.0, best * PRECISION)
 
 
 # The upper triangle, column by column, as Clarabel wants it.

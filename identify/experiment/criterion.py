@@ -7,7 +7,7 @@ import numpy as np
 from identify.experiment.entries import Motion
 from identify.experiment.fourier import one_period
 from identify.experiment.information import EnergyModel, TorqueModel, log_variance, reference_factor, scaled_condition
-from identify.experiment.knowledge import Knowledge, parameter_sizes, standard_deviations
+from identify.experiment.knowledge import Knowledge, parameter_sizes, root_of, standard_deviations
 from identify.experiment.limits import WorkingLimits
 from identify.experiment.trajectory import random_trajectory
 from identify.regressor.regressor import Regressor
@@ -46,7 +46,7 @@ class Criterion:
         self._set_reference(1 / duration, harmonics)
         self._torque_known = self._energy_known = None
         if known.information is not None:
-            root = _root(known.information)
+            root = root_of(known.information)
             torque, energy = periods * duration, periods * self.windows / self.energy.loudest
             self._torque_known = root * (self.torque_scale / np.sqrt(torque))
             self._energy_known = root * (self.energy_scale / np.sqrt(energy))
@@ -113,10 +113,3 @@ def _shares(regressor: Regressor, information: np.ndarray) -> np.ndarray:
     size, known = parameter_sizes(regressor), standard_deviations(information)
     told = np.isfinite(known)
     return 1 / np.where(told, np.maximum(size, known), np.where(size > 0, size, np.inf))
-
-
-def _root(information: np.ndarray) -> np.ndarray:
-    """(p, p) rows R with RᵀR = information, which may leave directions out."""
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    values, vectors = np.linalg.eigh(information / np.outer(size, size))
-    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size

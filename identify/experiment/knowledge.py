@@ -55,3 +55,11 @@ def standard_deviations(information: np.ndarray) -> np.ndarray:
     variance = (vectors[:, told] ** 2 / values[told]).sum(axis=1)
     lost = np.abs(vectors[:, ~told]).max(axis=1, initial=0.0) > 1e-6
     return np.where(lost, np.inf, np.sqrt(variance)) / np.where(size > 0, size, 1.0)
+
+
+def root_of(information: np.ndarray) -> np.ndarray:
+    """(p, p) rows R with RᵀR = information (p, p), which may leave directions out, whatever the units of its
+    parameters."""
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    values, vectors = np.linalg.eigh(information / np.outer(size, size))
+    return np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size

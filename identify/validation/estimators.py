@@ -17,7 +17,8 @@ FIGURES = ("condition_number", "train", "test")
 
 
 def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
-    """A row an estimator: its residuals [% of the torque] on training and held-out logs, and its condition number.
+    """A row an estimator: its residuals [% of the torque] on training and held-out logs of other motions, and its
+    condition number.
 
     Where the logs do not support it, its figures are null and "reason" says what it lacks. "why" is that of a default.
     """
@@ -35,7 +36,7 @@ def compared(problem: Problem, test: Sequence[Log]) -> list[dict[str, Any]]:
         found = figures_on(logs, predictors) if logs and fits else {}
         for name, figures in found.items():
             rows[name][role] = {key: figures[key] for key in RESIDUALS}
-    why = {} if test else {"test_reason": "no held-out log was given"}
+    why = {} if test else {"test_reason": "no held-out log of another motion was given"}
     return [row if "reason" in row else row | why for row in rows.values()]
 
 
